@@ -1,0 +1,1 @@
+"""Differentiable simulation of radiation-force displacement in heated tissue."""

@@ -1,0 +1,16 @@
+"""What the package says to its user when input is wrong or is used outside the range that its source covers."""
+
+
+class InputError(ValueError):
+    """Input that cannot be used, said in one line: what, where, what was expected and what to do.
+
+    Commands turn it into that line on the error stream and exit status 2; no file is left behind.
+    """
+
+
+class ExtrapolationWarning(UserWarning):
+    """A law was evaluated outside the range of the measurements behind it; the value is given all the same."""
+
+
+class ConvergenceWarning(UserWarning):
+    """An iteration or a discretisation did not reach the accuracy that was asked of it."""

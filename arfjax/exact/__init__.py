@@ -1,0 +1,1 @@
+"""Closed-form solutions that the solvers are tested against."""

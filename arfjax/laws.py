@@ -1,0 +1,190 @@
+"""Closures: a property of tissue as a function of temperature.
+
+Every assumption of the simulation about tissue is a law in a named place of the model (`model.liver.attenuation`,
+`model.lesion.viscoelasticity`, ...). A law's parameters are leaves, so that a fit is a choice of leaves and a
+sensitivity is a gradient; its unit, its source and the range of the measurements behind it are static.
+
+Outside that range a law still gives its value and tells the caller: evaluated eagerly it warns with
+`ExtrapolationWarning`; where the temperature is traced, whoever starts the run asks `outside_range` and says so.
+"""
+
+import abc
+import math
+import warnings
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+from arfjax.errors import ExtrapolationWarning
+from arfjax.media import FractionalZener, Scalar, Zener
+
+EVERYWHERE = (-math.inf, math.inf)
+"""Valid range of a law that makes no claim about temperature, such as a constant."""
+
+Temperature = float | Float[Array, "..."] | Float[np.ndarray, "..."]
+
+
+class TemperatureLaw(eqx.Module):
+    """A property of tissue as a function of temperature [degC].
+
+    Attributes:
+        unit: Unit of the value that the law gives.
+        source: Where its numbers come from.
+        valid_range: Lowest and highest temperature [degC] of the measurements behind it.
+    """
+
+    unit: eqx.AbstractVar[str]
+    source: eqx.AbstractVar[str]
+    valid_range: eqx.AbstractVar[tuple[float, float]]
+
+    @abc.abstractmethod
+    def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """The property at a temperature [degC], anywhere."""
+
+    def __call__(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """The property at a temperature [degC]; warns where a concrete temperature is outside `valid_range`."""
+        if not isinstance(temperature, Tracer):
+            message = self.outside_range(temperature)
+            if message is not None:
+                warnings.warn(message, ExtrapolationWarning, stacklevel=2)
+        return self.evaluate(temperature)
+
+    def outside_range(self, temperature: Temperature) -> str | None:
+        """What to tell the caller when a temperature [degC] is outside `valid_range`; None when all are inside."""
+        low, high = self.valid_range
+        values = np.asarray(temperature)
+        outside = values[(values < low) | (values > high)]
+        if outside.size == 0:
+            return None
+        return (
+            f"{type(self).__name__} [{self.unit}] is extrapolated at {outside.min():g} to {outside.max():g} degC: "
+            f"its source ({self.source}) covers {low:g} to {high:g} degC."
+        )
+
+
+class Constant(TemperatureLaw):
+    """The same value at every temperature."""
+
+    value: Scalar
+    unit: str = eqx.field(static=True)
+    source: str = eqx.field(static=True)
+    valid_range: tuple[float, float] = eqx.field(static=True, default=EVERYWHERE)
+
+    def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """The value, in the shape of `temperature`."""
+        return self.value + jnp.zeros_like(jnp.asarray(temperature, dtype=float))
+
+
+class NormalisedPolynomial(TemperatureLaw):
+    r"""A reference value times a polynomial that was fitted to data normalised to 100 percent.
+
+    $$ a(T) = a_{ref} \sum_i p_i T^i / 100 $$
+    """
+
+    reference_value: Scalar
+    coefficients: Float[Array, " n"] | Float[np.ndarray, " n"]
+    unit: str = eqx.field(static=True)
+    source: str = eqx.field(static=True)
+    valid_range: tuple[float, float] = eqx.field(static=True, default=EVERYWHERE)
+
+    def percent(self, temperature: Temperature) -> Float[Array, "..."]:
+        """The polynomial itself [percent of the reference value]."""
+        value = jnp.zeros_like(jnp.asarray(temperature, dtype=float))
+        for coefficient in jnp.asarray(self.coefficients)[::-1]:
+            value = value * temperature + coefficient
+        return value
+
+    def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """Reference value times polynomial."""
+        return self.reference_value * self.percent(temperature) / 100.0
+
+
+class Linear(TemperatureLaw):
+    """A value at a reference temperature and a slope [unit per K]."""
+
+    value: Scalar
+    slope: Scalar
+    reference_temperature: float = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+    source: str = eqx.field(static=True)
+    valid_range: tuple[float, float] = eqx.field(static=True, default=EVERYWHERE)
+
+    def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """Value plus slope times distance from the reference temperature."""
+        return self.value + self.slope * (jnp.asarray(temperature, dtype=float) - self.reference_temperature)
+
+
+class Exponential(TemperatureLaw):
+    """A value at a reference temperature that grows by `exp(rate)` a kelvin: a straight line in its logarithm."""
+
+    value: Scalar
+    rate: Scalar
+    reference_temperature: float = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+    source: str = eqx.field(static=True)
+    valid_range: tuple[float, float] = eqx.field(static=True, default=EVERYWHERE)
+
+    def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """Value times the exponential of rate times distance from the reference temperature."""
+        return self.value * jnp.exp(self.rate * (jnp.asarray(temperature, dtype=float) - self.reference_temperature))
+
+
+class Tabulated(TemperatureLaw):
+    """Straight lines between tabulated values, the end values held outside the table."""
+
+    temperatures: Float[Array, " n"] | Float[np.ndarray, " n"]
+    values: Float[Array, " n"] | Float[np.ndarray, " n"]
+    unit: str = eqx.field(static=True)
+    source: str = eqx.field(static=True)
+    valid_range: tuple[float, float] = eqx.field(static=True, default=EVERYWHERE)
+
+    def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """Linear interpolation in the table."""
+        return jnp.interp(jnp.asarray(temperature, dtype=float), self.temperatures, self.values)
+
+
+class ZenerLaw(eqx.Module):
+    """Constants of a conventional Zener solid as functions of temperature.
+
+    The unrelaxed modulus is the relaxed one plus the stiffness of the relaxing branch, so that no temperature can
+    make a solid that stiffens as it relaxes.
+    """
+
+    relaxed_modulus: TemperatureLaw
+    branch_modulus: TemperatureLaw
+    relaxation_time: TemperatureLaw
+
+    def __call__(self, temperature: Temperature) -> Zener:
+        """The solid at one temperature [degC]."""
+        relaxed = self.relaxed_modulus(temperature)
+        return Zener(relaxed, relaxed + self.branch_modulus(temperature), self.relaxation_time(temperature))
+
+
+class FractionalZenerLaw(eqx.Module):
+    """Constants of a fractional Zener solid as functions of temperature."""
+
+    relaxed_modulus: TemperatureLaw
+    branch_modulus: TemperatureLaw
+    relaxation_time: TemperatureLaw
+    fractional_order: TemperatureLaw
+
+    def __call__(self, temperature: Temperature) -> FractionalZener:
+        """The solid at one temperature [degC]."""
+        relaxed = self.relaxed_modulus(temperature)
+        return FractionalZener(
+            relaxed,
+            relaxed + self.branch_modulus(temperature),
+            self.relaxation_time(temperature),
+            self.fractional_order(temperature),
+        )
+
+
+def extrapolations(model: object, temperature: Temperature) -> list[str]:
+    """What every law inside a pytree has to say about temperatures [degC] outside its range, each message once."""
+    laws = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, TemperatureLaw))
+    messages = [law.outside_range(temperature) for law in laws if isinstance(law, TemperatureLaw)]
+    return list(dict.fromkeys(message for message in messages if message is not None))

@@ -1,0 +1,1 @@
+"""Viscoelastic motion under radiation force."""

@@ -1,0 +1,1 @@
+"""Protocols: the files that know all three physics."""

@@ -1,0 +1,1 @@
+"""Fits, posteriors and diagnosis on top of arfjax."""

@@ -1,0 +1,18 @@
+"""Every test runs in float64, with strict promotion of ranks, and without changing JAX's switches for the others."""
+
+import jax
+import matplotlib
+import pytest
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+matplotlib.use("Agg")
+
+_SWITCHES = ("jax_enable_x64", "jax_numpy_rank_promotion", "jax_debug_nans")
+
+
+@pytest.fixture(autouse=True)
+def _global_switches_are_left_alone():
+    before = {name: getattr(jax.config, name) for name in _SWITCHES}
+    yield
+    assert {name: getattr(jax.config, name) for name in _SWITCHES} == before
