@@ -37,9 +37,9 @@ class TemperatureLaw(eqx.Module):
         valid_range: Lowest and highest temperature [degC] of the measurements behind it.
     """
 
-    unit: eqx.AbstractVar[str]
-    source: eqx.AbstractVar[str]
-    valid_range: eqx.AbstractVar[tuple[float, float]]
+    unit: str = eqx.field(static=True, kw_only=True)
+    source: str = eqx.field(static=True, kw_only=True)
+    valid_range: tuple[float, float] = eqx.field(static=True, kw_only=True, default=EVERYWHERE)
 
     @abc.abstractmethod
     def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
@@ -70,9 +70,6 @@ class Constant(TemperatureLaw):
     """The same value at every temperature."""
 
     value: Scalar
-    unit: str = eqx.field(static=True)
-    source: str = eqx.field(static=True)
-    valid_range: tuple[float, float] = eqx.field(static=True, default=EVERYWHERE)
 
     def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
         """The value, in the shape of `temperature`."""
@@ -87,9 +84,6 @@ class NormalisedPolynomial(TemperatureLaw):
 
     reference_value: Scalar
     coefficients: Float[Array, " n"] | Float[np.ndarray, " n"]
-    unit: str = eqx.field(static=True)
-    source: str = eqx.field(static=True)
-    valid_range: tuple[float, float] = eqx.field(static=True, default=EVERYWHERE)
 
     def percent(self, temperature: Temperature) -> Float[Array, "..."]:
         """The polynomial itself [percent of the reference value]."""
@@ -109,9 +103,6 @@ class Linear(TemperatureLaw):
     value: Scalar
     slope: Scalar
     reference_temperature: float = eqx.field(static=True)
-    unit: str = eqx.field(static=True)
-    source: str = eqx.field(static=True)
-    valid_range: tuple[float, float] = eqx.field(static=True, default=EVERYWHERE)
 
     def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
         """Value plus slope times distance from the reference temperature."""
@@ -124,9 +115,6 @@ class Exponential(TemperatureLaw):
     value: Scalar
     rate: Scalar
     reference_temperature: float = eqx.field(static=True)
-    unit: str = eqx.field(static=True)
-    source: str = eqx.field(static=True)
-    valid_range: tuple[float, float] = eqx.field(static=True, default=EVERYWHERE)
 
     def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
         """Value times the exponential of rate times distance from the reference temperature."""
@@ -138,9 +126,6 @@ class Tabulated(TemperatureLaw):
 
     temperatures: Float[Array, " n"] | Float[np.ndarray, " n"]
     values: Float[Array, " n"] | Float[np.ndarray, " n"]
-    unit: str = eqx.field(static=True)
-    source: str = eqx.field(static=True)
-    valid_range: tuple[float, float] = eqx.field(static=True, default=EVERYWHERE)
 
     def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
         """Linear interpolation in the table."""
@@ -181,6 +166,9 @@ class FractionalZenerLaw(eqx.Module):
             self.relaxation_time(temperature),
             self.fractional_order(temperature),
         )
+
+
+ViscoelasticLaw = ZenerLaw | FractionalZenerLaw
 
 
 def extrapolations(model: object, temperature: Temperature) -> list[str]:

@@ -8,6 +8,9 @@ from arfjax.units import REFERENCE_FREQUENCY
 Scalar = float | Float[Array, ""]
 """A number or a traced scalar: what a leaf of a medium may be."""
 
+Values = float | Float[Array, "..."]
+"""A number or an array of them: constants that may vary from point to point."""
+
 
 class AcousticMedium(eqx.Module):
     """Acoustic constants of a homogeneous medium.
@@ -55,9 +58,9 @@ class Zener(eqx.Module):
         relaxation_time: The paper's tau [s].
     """
 
-    relaxed_modulus: Scalar
-    unrelaxed_modulus: Scalar
-    relaxation_time: Scalar
+    relaxed_modulus: Values
+    unrelaxed_modulus: Values
+    relaxation_time: Values
 
 
 class FractionalZener(eqx.Module):
@@ -70,7 +73,7 @@ class FractionalZener(eqx.Module):
         fractional_order: Order of the derivative, the paper's alpha, from 0 to 1 [1].
     """
 
-    relaxed_modulus: Scalar
-    unrelaxed_modulus: Scalar
-    relaxation_time: Scalar
-    fractional_order: Scalar
+    relaxed_modulus: Values
+    unrelaxed_modulus: Values
+    relaxation_time: Values
+    fractional_order: Values

@@ -1,5 +1,10 @@
 """Every test runs in float64, with strict promotion of ranks, and without changing JAX's switches for the others."""
 
+import os
+
+# One thread each for BLAS and LAPACK: more slow the small factorisations down many times on a busy machine.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import jax
 import matplotlib
 import pytest

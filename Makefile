@@ -1,0 +1,57 @@
+# Two commands do everything on a machine that has Python, pip and make: `make demo` and `make test`.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+# One BLAS thread per process: more only get in each other's way on the small systems solved here.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: demo test test-fast lint types format lock benchmark clean
+
+demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measurements
+	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data nrel-pyvisco) --out results/demo/dma
+	$(BIN)/arfjax simulate examples/suomi2016.toml --out results/demo/simulate
+	$(BIN)/arfjax calibrate examples/suomi2016.toml --hmi $$($(BIN)/arfjax data suomi2016-hmi) --out results/demo/calibrate
+	$(BIN)/arfjax reproduce --out results/demo/reproduce
+	@echo
+	@echo "Reports and figures:"
+	@ls -d results/demo/*/report.md results/demo/*/*.png
+
+test: lint types  ## everything that must be true before a change lands
+	$(BIN)/python -m pytest
+
+test-fast: $(VENV)/.dev  ## without the tests marked slow
+	$(BIN)/python -m pytest -m "not slow"
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/.dev
+	$(BIN)/basedpyright --pythonpath $(BIN)/python
+
+format: $(VENV)/.dev
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+benchmark: $(VENV)/.run  ## times of every stage, as JSON
+	$(BIN)/python benchmarks/chain.py --out results/benchmarks/chain.json
+
+lock: $(VENV)/.dev  ## newest versions that fit pyproject.toml, for every Python and platform
+	$(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-header \
+		--no-emit-index-url pyproject.toml -o requirements.lock
+	$(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-header \
+		--no-emit-index-url pyproject.toml --extra dev -c requirements.lock -o requirements-dev.lock
+
+$(VENV)/.run: requirements.lock pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --editable .
+	touch $@
+
+$(VENV)/.dev: requirements-dev.lock $(VENV)/.run
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
+	touch $@
+
+clean:
+	rm -rf $(VENV) results build dist *.egg-info .pytest_cache .ruff_cache

@@ -1,0 +1,117 @@
+"""Pictures of fields, heating and displacement; the only file of the package that draws."""
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from arfjax.model import Model
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Colours that colour-blind readers can tell apart (Okabe and Ito)."""
+
+_DECIBEL_FLOOR = -30.0
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure [inches] in the style of all figures here."""
+    return Figure(figsize=(width, height), layout="constrained", dpi=160)
+
+
+def tidy(axes: Axes, *, x: str, y: str, title: str = "") -> None:
+    """Label axes and take away what a reader does not need."""
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.set_title(title, fontsize="medium", loc="left")
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def draw_field(dataset: xr.Dataset, model: Model) -> Figure:
+    """The field in dB with the layers, its axial profile and its focal-plane profile."""
+    figure = new_figure(9.0, 5.4)
+    panels = figure.subplot_mosaic([["map", "map"], ["axis", "plane"]], height_ratios=[1.25, 1.0])
+    r, z = 1e3 * dataset["r"].to_numpy(), 1e3 * dataset["z"].to_numpy()
+    amplitude = dataset["pressure_amplitude"].to_numpy()[0]
+    focus = 1e3 * float(model.bowl.focal_length)
+    decibel = 20.0 * np.log10(np.maximum(amplitude / amplitude.max(), 1e-6))
+    mirrored = np.concatenate([decibel[:0:-1], decibel])
+    image = panels["map"].pcolormesh(
+        z, np.concatenate([-r[:0:-1], r]), mirrored, vmin=_DECIBEL_FLOOR, vmax=0.0, cmap="magma", shading="auto"
+    )
+    image.set_rasterized(True)
+    figure.colorbar(image, ax=panels["map"], label="pressure [dB re peak]", extend="min")
+    tidy(panels["map"], x="axial distance z [mm]", y="r [mm]", title="pressure amplitude")
+    panels["map"].set_aspect("equal")
+    panels["axis"].plot(z, 1e-6 * dataset["pressure_amplitude_on_axis"].to_numpy(), color=COLOURS[0])
+    _draw_layers(panels["map"], model, colour="white")
+    _draw_layers(panels["axis"], model, colour="0.6")
+    panels["axis"].set_xlim(z[0], z[-1])
+    panels["axis"].set_ylim(bottom=0.0)
+    tidy(panels["axis"], x="axial distance z [mm]", y="pressure [MPa]", title="on the axis")
+    near = r <= 6.0
+    profile = 1e-6 * dataset["pressure_amplitude_focal_plane"].to_numpy()[near]
+    panels["plane"].plot(
+        np.concatenate([-r[near][:0:-1], r[near]]), np.concatenate([profile[:0:-1], profile]), color=COLOURS[0]
+    )
+    panels["plane"].set_ylim(bottom=0.0)
+    tidy(panels["plane"], x="radial distance r [mm]", y="pressure [MPa]", title=f"focal plane, z = {focus:.1f} mm")
+    return figure
+
+
+def draw_heating(dataset: xr.Dataset, model: Model) -> Figure:
+    """Temperature at the focus over time, and temperature with the lethal-dose contour at the end."""
+    figure = new_figure(9.0, 3.4)
+    curve, chart = figure.subplots(1, 2, width_ratios=[1.0, 1.3])
+    curve.plot(dataset["heating_time"], dataset["focal_temperature"], color=COLOURS[1])
+    tidy(curve, x="time [s]", y="temperature [°C]", title="at the geometric focus")
+    r, z = 1e3 * dataset["heat_r"].to_numpy(), 1e3 * dataset["heat_z"].to_numpy()
+    both = np.concatenate([-r[::-1], r])
+    temperature = dataset["temperature"].to_numpy()
+    dose = np.maximum(dataset["thermal_dose"].to_numpy(), 1e-30)
+    levels = np.linspace(np.floor(temperature.min()), np.ceil(temperature.max()), 29)
+    filled = chart.contourf(z, both, np.concatenate([temperature[::-1], temperature]), levels, cmap="inferno")
+    figure.colorbar(filled, ax=chart, label="temperature [°C]", format="%.0f")
+    lethal = np.log(np.concatenate([dose[::-1], dose]))
+    chart.contour(z, both, lethal, [np.log(240.0)], colors="white", linewidths=1.2)
+    focus = 1e3 * float(model.bowl.focal_length)
+    chart.set_xlim(focus - 12.0, focus + 12.0)
+    chart.set_ylim(-8.0, 8.0)
+    chart.set_aspect("equal")
+    _draw_layers(chart, model, colour="white")
+    tidy(chart, x="axial distance z [mm]", y="r [mm]", title="at the end; white: 240 min at 43 °C")
+    return figure
+
+
+def draw_displacement(dataset: xr.Dataset) -> Figure:
+    """Displacement by temperature, the lesion that goes with it, and the pushes themselves."""
+    figure = new_figure(10.0, 3.2)
+    curve, lesion, pushes = figure.subplots(1, 3)
+    temperature = dataset["step_temperature"].to_numpy()
+    curve.plot(temperature, dataset["displacement_percent"], "o-", color=COLOURS[0])
+    curve.axhline(100.0, color="0.8", linewidth=0.8, zorder=0)
+    reference = dataset.attrs["reference_temperature_degc"]
+    tidy(curve, x="temperature [°C]", y=f"displacement [% of {reference:g} °C]", title="at the end of the push")
+    lesion.plot(temperature, 1e3 * dataset["lesion_length"], "o-", color=COLOURS[1], label="length")
+    lesion.plot(temperature, 1e3 * dataset["lesion_diameter"], "s-", color=COLOURS[2], label="diameter")
+    lesion.legend(frameon=False)
+    tidy(lesion, x="temperature [°C]", y="size [mm]", title="lesion")
+    times = 1e3 * dataset["push_time"].to_numpy()
+    histories = 1e6 * dataset["focal_displacement"].to_numpy()
+    for row, degrees in zip(histories, temperature, strict=True):
+        shade = 0.15 + 0.7 * (degrees - temperature[0]) / max(temperature[-1] - temperature[0], 1e-9)
+        pushes.plot(times, row, color=_warm(shade), label=f"{degrees:g} °C")
+    pushes.legend(frameon=False, fontsize="x-small")
+    tidy(pushes, x="time [ms]", y="displacement [µm]", title="at the geometric focus")
+    return figure
+
+
+def _draw_layers(axes: Axes, model: Model, *, colour: str) -> None:
+    depth = 0.0
+    for layer in model.path:
+        depth += 1e3 * layer.thickness
+        axes.axvline(depth, color=colour, linewidth=0.7, linestyle="--")
+
+
+def _warm(fraction: float) -> tuple[float, float, float]:
+    """From blue to red."""
+    return (fraction, 0.25, 1.0 - fraction)

@@ -1,0 +1,120 @@
+"""Fields and results as labelled data sets with units, and their files (NetCDF)."""
+
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from arfjax.acoustics.intensity import heat_deposition, intensity, radiation_force_density
+from arfjax.acoustics.one_way import HarmonicField
+from arfjax.grid import AxisymmetricGrid
+from arfjax.protocols.stepwise import Heating, StepwiseProtocol, StepwiseResult
+
+VARIABLES = {
+    "pressure_amplitude": ("Pa", "peak amplitude of the pressure of each harmonic"),
+    "pressure_amplitude_on_axis": ("Pa", "peak amplitude of the fundamental on the axis"),
+    "pressure_amplitude_focal_plane": ("Pa", "peak amplitude of the fundamental in the plane of the geometric focus"),
+    "intensity": ("W m-2", "time-averaged intensity, all harmonics"),
+    "heat_deposition": ("W m-3", "absorbed power density, all harmonics"),
+    "radiation_force_density": ("N m-3", "radiation force density along the axis, all harmonics"),
+    "focal_temperature": ("degC", "temperature at the geometric focus"),
+    "temperature": ("degC", "tissue temperature at the end of the sonication"),
+    "thermal_dose": ("min", "cumulative equivalent minutes at 43 degC at the end of the sonication"),
+    "focal_displacement": ("m", "displacement at the geometric focus during the push"),
+    "displacement": ("m", "displacement at the geometric focus at the end of the push"),
+    "displacement_percent": ("percent", "displacement normalised to the reference temperature"),
+    "sonication_time": ("s", "time at which the sonication reaches the step's temperature"),
+    "lesion_length": ("m", "length of the lesion along the axis"),
+    "lesion_diameter": ("m", "diameter of the lesion across the axis"),
+}
+"""Standard names of the variables: unit and long name. Files of every command use these and no others."""
+
+COORDINATES = {
+    "r": ("m", "radial distance from the axis"),
+    "z": ("m", "axial distance from the bowl's apex"),
+    "harmonic": ("1", "number of the harmonic"),
+    "heat_r": ("m", "radial distance of the heat grid's cells"),
+    "heat_z": ("m", "axial distance of the heat grid's cells"),
+    "heating_time": ("s", "time since the start of the sonication"),
+    "push_time": ("s", "time since the start of the push"),
+    "step_temperature": ("degC", "temperature of liver and focus in each step"),
+}
+"""Standard names of the coordinates: unit and long name."""
+
+
+def labelled(
+    variables: dict[str, tuple[tuple[str, ...], np.ndarray]], coordinates: dict[str, np.ndarray]
+) -> xr.Dataset:
+    """A data set of standard variables, each with its unit and long name.
+
+    Args:
+        variables: Dimensions and values by standard name.
+        coordinates: Positions by standard name.
+
+    Raises:
+        KeyError: if a name is not a standard one.
+    """
+    dataset = xr.Dataset(
+        {name: (dimensions, np.asarray(values)) for name, (dimensions, values) in variables.items()},
+        {name: np.asarray(values) for name, values in coordinates.items()},
+    )
+    for name in dataset.variables:
+        unit, long_name = (COORDINATES | VARIABLES)[str(name)]
+        dataset[name].attrs = {"units": unit, "long_name": long_name}
+    return dataset
+
+
+def field_dataset(field: HarmonicField, focus: float) -> xr.Dataset:
+    """Pressure, intensity, heat deposition and radiation force of a field, with profiles through the focus [m].
+
+    The field must hold the axis as its first radius.
+    """
+    r, z = np.asarray(field.r), np.asarray(field.z)
+    amplitude = np.abs(np.asarray(field.pressure))
+    variables = {
+        "pressure_amplitude": (("harmonic", "r", "z"), amplitude),
+        "pressure_amplitude_on_axis": (("z",), amplitude[0, 0]),
+        "pressure_amplitude_focal_plane": (("r",), amplitude[0, :, np.argmin(np.abs(z - focus))]),
+        "intensity": (("r", "z"), np.asarray(intensity(field)).sum(axis=0)),
+        "heat_deposition": (("r", "z"), np.asarray(heat_deposition(field))),
+        "radiation_force_density": (("r", "z"), np.asarray(radiation_force_density(field))),
+    }
+    return labelled(variables, {"r": r, "z": z, "harmonic": np.arange(1, len(amplitude) + 1)})
+
+
+def heating_dataset(heating: Heating, grid: AxisymmetricGrid) -> xr.Dataset:
+    """Course of the sonication at the focus, temperature and dose at its end."""
+    variables = {
+        "focal_temperature": (("heating_time",), np.asarray(heating.focal_temperature)),
+        "temperature": (("heat_r", "heat_z"), np.asarray(heating.temperature[-1])),
+        "thermal_dose": (("heat_r", "heat_z"), np.asarray(heating.dose[-1])),
+    }
+    dataset = labelled(variables, {"heating_time": np.asarray(heating.time), "heat_r": grid.r, "heat_z": grid.z})
+    dataset.attrs["heating_acoustic_power_w"] = float(heating.acoustic_power)
+    return dataset
+
+
+def stepwise_dataset(result: StepwiseResult, protocol: StepwiseProtocol, reference_temperature: float) -> xr.Dataset:
+    """Displacement and lesion of every step; the reference temperature [degC] must be one of the steps'."""
+    temperature = np.asarray(result.temperature)
+    displacement = np.asarray(result.displacement)
+    reference = displacement[int(np.argmin(np.abs(temperature - reference_temperature)))]
+    history = np.asarray(result.displacement_history)
+    variables = {
+        "focal_displacement": (("step_temperature", "push_time"), history),
+        "displacement": (("step_temperature",), displacement),
+        "displacement_percent": (("step_temperature",), 100.0 * displacement / reference),
+        "sonication_time": (("step_temperature",), np.asarray(result.time)),
+        "lesion_length": (("step_temperature",), np.asarray(result.lesion_length)),
+        "lesion_diameter": (("step_temperature",), np.asarray(result.lesion_diameter)),
+    }
+    push_time = np.linspace(0.0, protocol.push_duration, history.shape[1])
+    dataset = labelled(variables, {"step_temperature": temperature, "push_time": push_time})
+    dataset.attrs["reference_temperature_degc"] = reference_temperature
+    return dataset
+
+
+def write_netcdf(dataset: xr.Dataset, path: Path) -> None:
+    """Write a data set as NetCDF-4, compressed."""
+    encoding = {str(name): {"zlib": True, "complevel": 4} for name, values in dataset.items() if values.ndim > 1}
+    dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)

@@ -1,0 +1,223 @@
+"""The paper's protocol: a sonication taken temperature by temperature, with one short push at each.
+
+Liver is at one uniform temperature in each step, which sets its attenuation; the lesion is as large as the dose of
+the sonication up to that step has made it (or as large as a table says); a rectangular push follows, and the
+displacement at the geometric focus at its end is what the step gives.
+
+The paper states neither the power nor the time course of the heating, but that a 60 s sonication takes the focus
+from 35 to 70 degC. So the bioheat equation is solved with the heat deposition of the field at the start temperature
+and scaled, exactly because it is linear, to reach the last temperature at the end of the sonication.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from arfjax.acoustics.intensity import heat_deposition, radiation_force_density
+from arfjax.acoustics.one_way import AcousticLayer, HarmonicField, solve_field
+from arfjax.mechanics.dynamics import PushResult, PushSettings, solve_push
+from arfjax.mechanics.material import ellipsoid_depth, liver_with_lesion
+from arfjax.media import Scalar
+from arfjax.model import Model, TabulatedSize
+from arfjax.protocols.discretisation import Discretisation
+from arfjax.thermal.bioheat import focal_temperature, solve_bioheat
+from arfjax.thermal.dose import cumulative_equivalent_minutes
+from arfjax.thermal.lesion import LesionSize, lesion_size
+
+Positions = Float[np.ndarray, " n"]
+
+
+class StepwiseProtocol(eqx.Module):
+    """What is done to the tissue.
+
+    Attributes:
+        start_temperature: Of all tissue and of blood at the start of the sonication [degC].
+        final_temperature: At the geometric focus at the end of the sonication [degC].
+        duration: Of the sonication [s].
+        push_duration: Of the rectangular push; the displacement is read at its end [s].
+    """
+
+    start_temperature: float = eqx.field(static=True, default=35.0)
+    final_temperature: float = eqx.field(static=True, default=70.0)
+    duration: float = eqx.field(static=True, default=60.0)
+    push_duration: float = eqx.field(static=True, default=0.5e-3)
+
+
+class Heating(eqx.Module):
+    """The sonication's course.
+
+    Attributes:
+        time: [s].
+        focal_temperature: At the geometric focus [degC].
+        temperature: [degC].
+        dose: Since the start [equivalent minutes at 43 degC].
+        acoustic_power: Power that heats so [W].
+    """
+
+    time: Float[Array, " time"]
+    focal_temperature: Float[Array, " time"]
+    temperature: Float[Array, "time r z"]
+    dose: Float[Array, "time r z"]
+    acoustic_power: Float[Array, ""]
+
+
+class StepwiseResult(eqx.Module):
+    """What each step gives, in the order of the temperatures asked for.
+
+    Attributes:
+        temperature: Of the liver, which is that of the focus [degC].
+        time: At which the sonication gets there [s].
+        displacement_history: At the geometric focus from the start to the end of the push [m].
+        lesion_length: [m].
+        lesion_diameter: [m].
+    """
+
+    temperature: Float[Array, " step"]
+    time: Float[Array, " step"]
+    displacement_history: Float[Array, "step push_time"]
+    lesion_length: Float[Array, " step"]
+    lesion_diameter: Float[Array, " step"]
+
+    @property
+    def displacement(self) -> Float[Array, " step"]:
+        """Displacement at the geometric focus at the end of the push [m]."""
+        return self.displacement_history[:, -1]
+
+
+def layered_field(
+    model: Model,
+    temperature: Scalar,
+    protocol: StepwiseProtocol,
+    settings: Discretisation,
+    *,
+    r: Positions,
+    z: Positions,
+) -> HarmonicField:
+    """Sound field at radii r and depths z [m], the liver at `temperature` and the path at the start temperature."""
+    path = [AcousticLayer(layer.tissue.acoustic(protocol.start_temperature), layer.thickness) for layer in model.path]
+    liver = AcousticLayer(model.liver.acoustic(temperature), model.liver_thickness)
+    return solve_field(model.bowl, model.drive, [*path, liver], r=r, z=z, settings=settings.march)
+
+
+def simulate_heating(model: Model, protocol: StepwiseProtocol, settings: Discretisation) -> Heating:
+    """The sonication from the start to the final temperature, with the field of the start temperature."""
+    grid = settings.heat_grid
+    start = protocol.start_temperature
+    field = layered_field(model, start, protocol, settings, r=grid.r, z=grid.z)
+    history = solve_bioheat(
+        settings.thermal_field(model, start),
+        heat_deposition(field),
+        grid,
+        initial_temperature=start,
+        arterial_temperature=start,
+        time_step=protocol.duration / settings.n_heat_steps,
+        n_steps=settings.n_heat_steps,
+    )
+    focal = focal_temperature(history, grid, settings.focus)
+    scale = (protocol.final_temperature - start) / (focal[-1] - start)
+    temperature = start + scale * (history.temperature - start)
+    dose = cumulative_equivalent_minutes(temperature, history.time)
+    power = scale * model.drive.acoustic_power
+    return Heating(history.time, start + scale * (focal - start), temperature, dose, power)
+
+
+def lesion_at(model: Model, heating: Heating, temperature: Scalar, settings: Discretisation) -> LesionSize:
+    """The lesion when the focus reaches `temperature` [degC]."""
+    if isinstance(model.lesion.size, TabulatedSize):
+        size = model.lesion.size
+        centre = jnp.asarray(settings.focus)
+        return LesionSize(jnp.asarray(size.length(temperature)), jnp.asarray(size.diameter(temperature)), centre)
+    dose = _interpolate_in_time(heating.dose, heating.time, _time_of(heating, temperature))
+    return lesion_size(dose, settings.heat_grid, threshold=model.lesion.size.threshold)
+
+
+def force_at(
+    model: Model, temperature: Scalar, protocol: StepwiseProtocol, settings: Discretisation
+) -> Float[Array, "rq zq"]:
+    """Radiation force density [N/m^3] at the mesh's Gauss points with the liver at `temperature` [degC]."""
+    mesh = settings.mesh
+    return radiation_force_density(
+        layered_field(model, temperature, protocol, settings, r=mesh.gauss_r, z=mesh.gauss_z)
+    )
+
+
+def push(
+    model: Model,
+    temperature: Scalar,
+    lesion: LesionSize,
+    force: Float[Array, "rq zq"],
+    protocol: StepwiseProtocol,
+    settings: Discretisation,
+) -> PushResult:
+    """One push of liver at `temperature` [degC], with a lesion in it, by a force density [N/m^3] along the axis."""
+    mesh = settings.mesh
+    depth = ellipsoid_depth(
+        mesh.gauss_r, mesh.gauss_z, length=lesion.length, diameter=lesion.diameter, centre=lesion.centre
+    )
+    liver = model.liver.viscoelasticity
+    assert liver is not None  # `Model` checks it
+    material = liver_with_lesion(
+        liver(temperature),
+        model.lesion.viscoelasticity(temperature),
+        depth,
+        density=model.liver.density,
+        reading=model.modulus_reading,
+        poisson_ratio=model.poisson_ratio,
+    )
+    steps = PushSettings(
+        time_step=protocol.push_duration / settings.n_push_steps,
+        n_steps=settings.n_push_steps,
+        push_duration=protocol.push_duration,
+    )
+    return solve_push(mesh, material, force, settings=steps)
+
+
+def run_stepwise(
+    model: Model,
+    temperatures: Float[Array, " step"],
+    protocol: StepwiseProtocol,
+    settings: Discretisation,
+    *,
+    heating: Heating | None = None,
+) -> StepwiseResult:
+    """Displacement at the geometric focus for every temperature asked for.
+
+    Args:
+        model: The model; derivatives flow to every leaf of it.
+        temperatures: Of liver and focus [degC], from the start to the final temperature of the protocol.
+        protocol: What is done to the tissue.
+        settings: Grids, mesh and steps.
+        heating: The sonication, where it has been simulated already.
+
+    Accuracy: see `Discretisation`.
+    """
+    heating = simulate_heating(model, protocol, settings) if heating is None else heating
+    lesions = jax.vmap(lambda temperature: lesion_at(model, heating, temperature, settings))(temperatures)
+    # As one batch, because the field up to the liver is then computed once for all temperatures.
+    forces = jax.vmap(lambda temperature: force_at(model, temperature, protocol, settings))(temperatures)
+
+    def focal_history(step: tuple[Array, LesionSize, Array]) -> Array:
+        return push(model, *step, protocol, settings).at_focus(settings.focus)
+
+    # One after the other: a batch would hold the factors of every step's stiffness at once and save no time.
+    histories = jax.lax.map(focal_history, (temperatures, lesions, forces))
+    times = jax.vmap(lambda temperature: _time_of(heating, temperature))(temperatures)
+    return StepwiseResult(temperatures, times, histories, lesions.length, lesions.diameter)
+
+
+def focal_temperature_at(heating: Heating, time: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Temperature at the geometric focus [degC] at times since the start of the sonication [s]."""
+    return jnp.interp(time, heating.time, heating.focal_temperature)
+
+
+def _time_of(heating: Heating, temperature: Scalar) -> Array:
+    """When the focus reaches a temperature; it rises all the time, because the source is constant."""
+    return jnp.interp(jnp.asarray(temperature), heating.focal_temperature, heating.time)
+
+
+def _interpolate_in_time(values: Float[Array, "time *space"], time: Float[Array, " time"], at: Array) -> Array:
+    index = jnp.clip(jnp.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+    weight = (at - time[index]) / (time[index + 1] - time[index])
+    return values[index] * (1.0 - weight) + values[index + 1] * weight

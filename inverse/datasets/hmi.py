@@ -1,0 +1,179 @@
+"""Reader of harmonic-motion-imaging measurements: displacement against temperature or time, by sonication."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from arfjax.units import LENGTH_IN_METRE
+from inverse.datasets.table import TEMPERATURE_UNITS, TIME_UNITS, Columns, Quantity, read_columns
+
+_PERCENT = {"%": 1.0, "percent": 1.0, "pct": 1.0}
+
+_VOCABULARY = (
+    Quantity("sonication", "sonication", frozenset({"sonication", "exposure", "run", "shot"}), text=True),
+    Quantity("time", "time_s", frozenset({"time", "times"}), TIME_UNITS, frozenset({"t"})),
+    Quantity("temperature", "temperature_c", frozenset({"temperature", "temp"}), TEMPERATURE_UNITS, frozenset({"T"})),
+    Quantity("displacement", "displacement_um", frozenset({"displacement", "disp"}), LENGTH_IN_METRE),
+    Quantity(
+        "displacement_percent",
+        "displacement_percent",
+        frozenset({"displacementpercent", "normaliseddisplacement", "normalizeddisplacement"}),
+        _PERCENT,
+    ),
+    Quantity("displacement_sd", "displacement_um_sd", frozenset({"displacementsd"}), LENGTH_IN_METRE),
+    Quantity("displacement_percent_sd", "displacement_percent_sd", frozenset({"displacementpercentsd"}), _PERCENT),
+)
+
+_KELVIN_FROM = 200.0  # degC; the coldest tissue in kelvin is 273, the hottest in degC is 120
+_FRACTION_BELOW = 3.0  # percent; a displacement normalised to 100 does not stay below 3, one normalised to 1 does
+_LARGEST_DISPLACEMENT = 1e-2  # m; HMI moves tissue by micrometres
+_SMALLEST_DISPLACEMENT = 1e-10  # m
+
+
+@dataclasses.dataclass(frozen=True)
+class HmiData:
+    """Displacement measured during sonications, a value a row.
+
+    Attributes:
+        path: The file.
+        sonication: Label of the sonication of each row.
+        temperature: [degC]; None where the file gives only times.
+        time: Since the start of the sonication [s]; None where the file gives only temperatures.
+        displacement: In percent of its value at a reference temperature, or in metres.
+        in_percent: Which of the two.
+        sd: Standard deviation in the same unit; None where the file gives none.
+        ignored: Headers of columns that were not used.
+    """
+
+    path: Path
+    sonication: tuple[str, ...]
+    temperature: Float[np.ndarray, " n"] | None
+    time: Float[np.ndarray, " n"] | None
+    displacement: Float[np.ndarray, " n"]
+    in_percent: bool
+    sd: Float[np.ndarray, " n"] | None
+    ignored: tuple[str, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The sonications, in the order of the file."""
+        return tuple(dict.fromkeys(self.sonication))
+
+    def rows_of(self, label: str) -> list[int]:
+        """Rows of one sonication."""
+        return [row for row, name in enumerate(self.sonication) if name == label]
+
+
+def read_hmi(path: str | Path) -> HmiData:
+    """Read a file of columns `sonication`, `time_s` and/or `temperature_c`, and a displacement.
+
+    The displacement is `displacement_um` or `displacement_percent` (of its value at a reference temperature), with an
+    optional `displacement_um_sd` or `displacement_percent_sd`. Without a column `sonication` all rows are one.
+
+    Raises:
+        InputError: in one line, if the file cannot be read as that (see `inverse.datasets.table`).
+    """
+    columns = read_columns(Path(path), _VOCABULARY, required=())
+    table, numbers = columns.table, columns.numbers
+    if "time" not in numbers and "temperature" not in numbers:
+        table.refuse(
+            f"no column for time or temperature; expected 'time_s' or 'temperature_c', found {_named(columns)}."
+        )
+    name = _displacement_column(columns)
+    if len(table.rows) < 2:
+        table.refuse("only one row; a curve needs at least two measurements.")
+    sonication = columns.labels.get("sonication", ("1",) * len(table.rows))
+    _check_temperature(columns)
+    _check_displacement(columns, name)
+    sd = _standard_deviation(columns, f"{name}_sd")
+    data = HmiData(
+        path=Path(path),
+        sonication=sonication,
+        temperature=numbers.get("temperature"),
+        time=numbers.get("time"),
+        displacement=numbers[name],
+        in_percent=name == "displacement_percent",
+        sd=sd,
+        ignored=columns.ignored,
+    )
+    _check_time(columns, data)
+    return data
+
+
+def _named(columns: Columns) -> str:
+    return ", ".join(repr(header) for header in columns.table.header)
+
+
+def _displacement_column(columns: Columns) -> str:
+    present = [name for name in ("displacement", "displacement_percent") if name in columns.numbers]
+    if not present:
+        columns.table.refuse(
+            "no column for displacement; expected 'displacement_um' or 'displacement_percent', "
+            f"found {_named(columns)}."
+        )
+    if len(present) == 2:
+        columns.table.refuse("displacement is given both in percent and as a length; keep one of the two columns.")
+    name = present[0]
+    if name == "displacement" and columns.found[name].unit is None:
+        columns.table.refuse(
+            "the displacement has no unit; call the column 'displacement_um'.", column=columns.header(name)
+        )
+    return name
+
+
+def _check_temperature(columns: Columns) -> None:
+    if "temperature" not in columns.numbers:
+        return
+    values, header = columns.numbers["temperature"], columns.header("temperature")
+    if values.min() > _KELVIN_FROM:
+        columns.table.refuse(
+            f"temperatures of {values.min():g} and more look like kelvin; convert them to degC or call the column "
+            "'temperature_k'.",
+            column=header,
+        )
+    for row, value in enumerate(values):
+        if not 0.0 <= value <= 120.0:
+            columns.table.refuse(
+                f"{value:g} degC is not a temperature of tissue; expected 0 to 120.", row=row, column=header
+            )
+
+
+def _check_displacement(columns: Columns, name: str) -> None:
+    values, header = columns.numbers[name], columns.header(name)
+    for row, value in enumerate(values):
+        if value <= 0.0:
+            columns.table.refuse("the displacement must be positive.", row=row, column=header)
+    if name == "displacement_percent" and values.max() < _FRACTION_BELOW:
+        columns.table.refuse(f"values up to {values.max():g} look like fractions; multiply them by 100.", column=header)
+    if name == "displacement" and not _SMALLEST_DISPLACEMENT < values.max() < _LARGEST_DISPLACEMENT:
+        columns.table.refuse(
+            f"a largest displacement of {values.max():.3g} m is not one of HMI (nanometres to millimetres); "
+            "is the unit in the header right?",
+            column=header,
+        )
+
+
+def _standard_deviation(columns: Columns, name: str) -> Float[np.ndarray, " n"] | None:
+    if name not in columns.numbers:
+        return None
+    for row, value in enumerate(columns.numbers[name]):
+        if value <= 0.0:
+            columns.table.refuse("a standard deviation must be positive.", row=row, column=columns.header(name))
+    return columns.numbers[name]
+
+
+def _check_time(columns: Columns, data: HmiData) -> None:
+    if data.time is None:
+        return
+    header = columns.header("time")
+    for label in data.labels:
+        rows = data.rows_of(label)
+        for earlier, later in zip(rows, rows[1:], strict=False):
+            if data.time[later] <= data.time[earlier]:
+                columns.table.refuse(
+                    f"time does not increase within sonication {label}; sort the rows.", row=later, column=header
+                )
+        if data.time[rows[0]] < 0.0:
+            columns.table.refuse("time must not be negative.", row=rows[0], column=header)

@@ -1,0 +1,95 @@
+"""What a set of HMI data should show according to a model: the forward side of a calibration."""
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from arfjax import (
+    Discretisation,
+    InputError,
+    Model,
+    StepwiseProtocol,
+    focal_temperature_at,
+    run_stepwise,
+    simulate_heating,
+)
+from inverse.datasets.hmi import HmiData
+
+
+class Sweep(eqx.Module):
+    """Sonications that reach the same final temperature, and the states in which they were looked at.
+
+    Attributes:
+        protocol: Their protocol.
+        reference_temperature: At which the displacement is 100 percent [degC].
+        states: Distinct temperatures [degC], or distinct times [s] where the data give only times.
+        in_time: Whether `states` are times.
+        rows: Rows of the data that the sweep predicts.
+        places: For each of those rows, its place in `states`.
+    """
+
+    protocol: StepwiseProtocol
+    reference_temperature: float = eqx.field(static=True)
+    states: Float[np.ndarray, " state"]
+    in_time: bool = eqx.field(static=True)
+    rows: Int[np.ndarray, " row"]
+    places: Int[np.ndarray, " row"]
+
+
+def plan_sweeps(data: HmiData, protocol: StepwiseProtocol, reference_temperature: float) -> tuple[Sweep, ...]:
+    """Group the sonications of a data set by the temperature that each reaches at its end.
+
+    That is the highest one measured in it. Where the data give only times it is the protocol's final temperature, and
+    the temperature of each row is that of the simulated heating at its time.
+
+    Raises:
+        InputError: if a temperature lies below the protocol's start, or a time after its end.
+    """
+    if data.temperature is None:
+        return (_sweep_in_time(data, protocol, reference_temperature),)
+    coldest = min(float(data.temperature.min()), reference_temperature)
+    if coldest < protocol.start_temperature:
+        raise InputError(
+            f"{data.path}: {coldest:g} degC is below the protocol's start at {protocol.start_temperature:g} degC; "
+            "lower the first of `protocol.temperatures_c`."
+        )
+    final = {label: float(data.temperature[data.rows_of(label)].max()) for label in data.labels}
+    sweeps = []
+    for highest in sorted(set(final.values())):
+        if highest < reference_temperature or highest <= protocol.start_temperature:
+            raise InputError(f"{data.path}: a sonication ends at {highest:g} degC, below where it is normalised.")
+        rows = np.asarray([row for row, label in enumerate(data.sonication) if final[label] == highest])
+        states, places = np.unique(data.temperature[rows], return_inverse=True)
+        ending = dataclasses.replace(protocol, final_temperature=highest)
+        sweeps.append(Sweep(ending, reference_temperature, states, False, rows, places))
+    return tuple(sweeps)
+
+
+def _sweep_in_time(data: HmiData, protocol: StepwiseProtocol, reference_temperature: float) -> Sweep:
+    assert data.time is not None  # the reader asks for time or temperature
+    if data.time.max() > protocol.duration:
+        raise InputError(
+            f"{data.path}: a row at {data.time.max():g} s lies after the sonication's end at {protocol.duration:g} s; "
+            "set `protocol.sonication_s`, or leave those rows out."
+        )
+    states, places = np.unique(data.time, return_inverse=True)
+    return Sweep(protocol, reference_temperature, states, True, np.arange(len(data.time)), places)
+
+
+def predict(
+    model: Model, sweeps: tuple[Sweep, ...], settings: Discretisation, *, n_rows: int, in_percent: bool
+) -> Float[Array, " n"]:
+    """Displacement for every row of the data, in percent of the reference or in metres."""
+    prediction = jnp.zeros(n_rows)
+    for sweep in sweeps:
+        heating = simulate_heating(model, sweep.protocol, settings)
+        states = jnp.asarray(sweep.states)
+        temperatures = focal_temperature_at(heating, states) if sweep.in_time else states
+        with_reference = jnp.concatenate([jnp.asarray([sweep.reference_temperature]), temperatures])
+        displacement = run_stepwise(model, with_reference, sweep.protocol, settings, heating=heating).displacement
+        values = displacement[1:][sweep.places]
+        prediction = prediction.at[sweep.rows].set(100.0 * values / displacement[0] if in_percent else values)
+    return prediction

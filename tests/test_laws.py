@@ -1,0 +1,89 @@
+"""Laws of temperature: their values, what they say outside their range, and the paper's tables in them."""
+
+import warnings
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from arfjax import suomi2016, tissues, units
+from arfjax.errors import ExtrapolationWarning
+from arfjax.laws import Constant, Exponential, Linear, NormalisedPolynomial, Tabulated, extrapolations
+from tests.checks import assert_gradient
+
+LABELS = {"unit": "1", "source": "test"}
+
+
+@pytest.mark.parametrize(
+    ("law", "expected"),
+    [
+        (Constant(3.0, **LABELS), 3.0),
+        (Linear(2.0, 0.5, 40.0, **LABELS), 7.0),
+        (Exponential(2.0, 0.1, 40.0, **LABELS), 2.0 * np.exp(1.0)),
+        (NormalisedPolynomial(2.0, np.asarray([1.0, 2.0, 0.5]), **LABELS), 0.02 * (1.0 + 100.0 + 0.5 * 2500.0)),
+        (Tabulated(np.asarray([40.0, 60.0]), np.asarray([1.0, 3.0]), **LABELS), 2.0),
+    ],
+)
+def test_value_at_50_degc(law, expected):
+    assert float(law(50.0)) == pytest.approx(expected, rel=1e-14)
+    np.testing.assert_allclose(law(jnp.asarray([50.0, 50.0])), expected, rtol=1e-14)
+
+
+def test_outside_its_range_a_law_gives_its_value_and_says_so():
+    law = Linear(2.0, 0.5, 40.0, valid_range=(5.0, 70.0), **LABELS)
+    with pytest.warns(ExtrapolationWarning, match="80 to 80 degC.*covers 5 to 70 degC"):
+        assert float(law(80.0)) == 22.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        law(70.0)
+        jax.jit(law)(80.0)  # cannot know; whoever starts a traced run asks `extrapolations`
+
+
+def test_extrapolations_of_a_model_are_listed_once_each():
+    liver = tissues.liver()
+    assert extrapolations(liver, 37.0) == []
+    (message,) = extrapolations((liver, liver), np.asarray([37.0, 84.0]))
+    assert "NormalisedPolynomial" in message and "84" in message
+
+
+def test_attenuation_polynomial_against_its_printed_coefficients():
+    attenuation = tissues.liver().attenuation
+    # 123 + 1.99 T - 0.141 T^2 + 1.94e-3 T^3 - 2.55e-6 T^4, by hand.
+    assert float(attenuation.percent(37.0)) == pytest.approx(97.0887, abs=1e-4)
+    assert float(attenuation.percent(35.0)) == pytest.approx(99.275, abs=1e-3)
+    expected = 35.0 * 99.275e-2 / units.DECIBEL_PER_NEPER
+    assert float(attenuation(35.0)) == pytest.approx(expected, rel=1e-5)
+
+
+def test_gradient_to_the_polynomial():
+    law = tissues.liver().attenuation
+
+    def value(coefficients):
+        return NormalisedPolynomial(law.reference_value, coefficients, **LABELS)(55.0) ** 2
+
+    assert_gradient(value, law.coefficients)
+
+
+@pytest.mark.parametrize("temperature", sorted(suomi2016.TABLE_3_LESION))
+def test_lesion_law_goes_through_table_3(temperature):
+    row = suomi2016.TABLE_3_LESION[temperature]
+    solid = tissues.lesion_viscoelasticity()(temperature)
+    # Three printed digits; the middle row is the reference, the outer ones share the regression's slope.
+    assert float(solid.unrelaxed_modulus - solid.relaxed_modulus) == pytest.approx(
+        1e3 * row.branch_modulus_kpa, rel=2e-3
+    )
+    assert float(solid.relaxation_time) == pytest.approx(row.relaxation_time, abs=5e-4)
+    assert float(solid.relaxed_modulus) == row.relaxed_modulus_pa
+
+
+def test_every_tissue_states_unit_and_source():
+    for make in tissues.BY_NAME.values():
+        for law in jax.tree.leaves(make(), is_leaf=lambda node: hasattr(node, "valid_range")):
+            if hasattr(law, "valid_range"):
+                assert law.unit and law.source
+
+
+def test_attenuation_at_another_frequency_follows_the_power_law():
+    skin = tissues.skin().acoustic(35.0)
+    assert float(skin.attenuation_at(2e6)) == pytest.approx(units.from_db_per_cm(0.35) * 2.0**1.55, rel=1e-12)
