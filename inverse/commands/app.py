@@ -1,0 +1,36 @@
+"""The command line's table of contents."""
+
+from typing import Annotated
+
+import typer
+
+import arfjax
+from inverse.commands.calibrate import calibrate
+from inverse.commands.fit_dma import fit_dma
+from inverse.commands.reproduce import reproduce
+from inverse.commands.simulate import simulate
+from inverse.datasets.shipped import shipped, shipped_names
+
+app = typer.Typer(
+    name="arfjax",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Simulation and calibration of radiation-force displacement in tissue heated by focused ultrasound.",
+)
+app.command()(simulate)
+app.command()(calibrate)
+app.command("fit-dma")(fit_dma)
+app.command()(reproduce)
+
+
+@app.command()
+def data(name: Annotated[str, typer.Argument(help="Name of a shipped data set; none lists them.")] = "") -> None:
+    """Print the path of a real measurement that comes with the package."""
+    typer.echo("\n".join(shipped_names()) if not name else str(shipped(name)))
+
+
+@app.command()
+def version() -> None:
+    """Print the version."""
+    typer.echo(arfjax.__version__)

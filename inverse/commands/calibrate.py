@@ -1,0 +1,236 @@
+"""`arfjax calibrate`: fit attenuation and lesion constants to HMI data and write what came out."""
+
+import csv
+from pathlib import Path
+from typing import Annotated
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pydantic
+import typer
+import xarray as xr
+
+import arfjax
+from arfjax import (
+    Discretisation,
+    Experiment,
+    InputError,
+    Model,
+    StepwiseProtocol,
+    discretise,
+    explain,
+    extrapolations,
+    read_experiment,
+    run_stepwise,
+)
+from arfjax.io import stepwise_dataset, write_netcdf
+from inverse.commands.console import show_lines, show_table, working_on
+from inverse.commands.output import output_directory, quantity, write_figures, write_summary
+from inverse.datasets.hmi import HmiData, read_hmi
+from inverse.figures import draw_calibration
+from inverse.hmi_fit import CalibrationSettings, HmiFit, fit_hmi
+
+
+def calibrate(
+    experiment: Annotated[Path, typer.Argument(help="Experiment file (TOML).")],
+    hmi: Annotated[Path, typer.Option(help="CSV file: sonication, time or temperature, displacement.")],
+    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    max_steps: Annotated[int, typer.Option(help="Steps after which the optimisation stops.", min=1)] = 30,
+) -> None:
+    """Fit attenuation and lesion constants to HMI measurements.
+
+    Writes parameters.csv, calibration.nc, figures (PNG and PDF), report.md and summary.json into the folder `out`.
+    """
+    described = read_experiment(experiment)
+    settings = _settings(described, experiment)
+    measured = read_hmi(hmi)
+    model, discretisation = described.model(), discretise(described.model())
+    with output_directory(out) as folder:
+        with working_on("compiling the simulation chain and its gradient") as say:
+            fit = fit_hmi(
+                model,
+                measured,
+                described.stepwise(),
+                discretisation,
+                settings,
+                on_step=lambda step, cost: say(f"fitting: step {step}, cost {cost:.4g}"),
+                max_steps=max_steps,
+            )
+            say("curves before and after")
+            curves = _curves(model, fit, measured, described, settings, discretisation)
+        _write_parameters(folder / "parameters.csv", fit)
+        write_netcdf(curves, folder / "calibration.nc")
+        figures = write_figures(folder, {"calibration": draw_calibration(measured, fit, curves)})
+        notes = _notes(fit, measured)
+        (folder / "report.md").write_text(_report(described, measured, fit, figures, notes), encoding="utf-8")
+        write_summary(
+            folder,
+            command="calibrate",
+            inputs={"experiment": experiment, "hmi": hmi},
+            settings={"calibration": settings.model_dump(), "max_steps": max_steps},
+            results=_results(fit, measured),
+        )
+    show_table("constants", _HEADER, _rows(fit))
+    show_lines([*notes, f"written to {out}"])
+
+
+def _settings(described: Experiment, path: Path) -> CalibrationSettings:
+    try:
+        return CalibrationSettings.model_validate(described.calibration)
+    except pydantic.ValidationError as error:
+        raise InputError(f"{path}: [calibration] {explain(error, CalibrationSettings)}") from None
+
+
+def _curves(
+    model: Model,
+    fit: HmiFit,
+    measured: HmiData,
+    described: Experiment,
+    settings: CalibrationSettings,
+    discretisation: Discretisation,
+) -> xr.Dataset:
+    """Displacement before and after over the whole range of temperatures, with the constants and the data."""
+    protocol = described.stepwise()
+    highest = protocol.final_temperature if measured.temperature is None else float(measured.temperature.max())
+    protocol = StepwiseProtocol(protocol.start_temperature, highest, protocol.duration, protocol.push_duration)
+    reference = settings.reference_temperature_c
+    temperatures = np.union1d(np.linspace(protocol.start_temperature, highest, 18), [reference])
+    run = eqx.filter_jit(lambda model: run_stepwise(model, jnp.asarray(temperatures), protocol, discretisation))
+    states = [stepwise_dataset(run(each), protocol, reference) for each in (model, fit.model)]
+    curves = xr.concat(states, xr.DataArray(["before", "after"], dims="stage", name="stage"))
+    curves.attrs |= {"title": described.title, "arfjax_version": arfjax.__version__}
+    names = [parameter.name for parameter in fit.constants.parameters]
+    units = [parameter.unit for parameter in fit.constants.parameters]
+    label = {"long_name": "name of the fitted constant"}
+    return curves.assign_coords(constant=("constant", names, label), constant_unit=("constant", units)).assign(
+        constant_value=("constant", fit.values, {"long_name": "most probable value, in constant_unit"}),
+        constant_standard_error=("constant", fit.standard_errors, {"long_name": "standard error, in constant_unit"}),
+        constant_correlation=(("constant", "other_constant"), fit.correlation, {"units": "1"}),
+    )
+
+
+_HEADER = ("constant", "unit", "prior", "estimate", "standard error", "error / prior's")
+
+
+def _rows(fit: HmiFit) -> list[tuple[str, ...]]:
+    prior = np.asarray(fit.constants.values(jnp.zeros(len(fit.values))))
+    return [
+        (parameter.name, parameter.unit, f"{before:.4g}", f"{value:.4g}", f"{error:.2g}", f"{ratio:.2f}")
+        for parameter, before, value, error, ratio in zip(
+            fit.constants.parameters, prior, fit.values, fit.standard_errors, fit.shrinkage, strict=True
+        )
+    ]
+
+
+def _coefficients(fit: HmiFit) -> list[tuple[str, str, float, float]]:
+    units = ["percent", "percent/K", "percent/K^2", "percent/K^3", "percent/K^4"]
+    return [
+        (f"attenuation_p{order}", unit, value, error)
+        for order, (unit, value, error) in enumerate(
+            zip(units, fit.coefficients.tolist(), fit.coefficient_errors.tolist(), strict=True)
+        )
+    ]
+
+
+def _write_parameters(path: Path, fit: HmiFit) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["constant", "unit", "estimate", "standard_error", "error_over_prior", "identified"])
+        for parameter, value, error, ratio in zip(
+            fit.constants.parameters, fit.values, fit.standard_errors, fit.shrinkage, strict=True
+        ):
+            identified = "no" if parameter.name in fit.not_identified else "yes"
+            writer.writerow(
+                [parameter.name, parameter.unit, f"{value:.8g}", f"{error:.4g}", f"{ratio:.4f}", identified]
+            )
+        for name, unit, value, error in _coefficients(fit):
+            writer.writerow([name, unit, f"{value:.8g}", f"{error:.4g}", "", ""])
+
+
+def _misfit(fit: HmiFit, measured: HmiData) -> tuple[float, float, str]:
+    """Root mean square of measured minus simulated before and after, and its unit."""
+    before = float(np.sqrt(np.mean((fit.before - measured.displacement) ** 2)))
+    after = float(np.sqrt(np.mean((fit.after - measured.displacement) ** 2)))
+    return (before, after, "percent") if measured.in_percent else (1e6 * before, 1e6 * after, "um")
+
+
+def _notes(fit: HmiFit, measured: HmiData) -> list[str]:
+    before, after, unit = _misfit(fit, measured)
+    notes = [
+        f"The optimisation {fit.descent.message}."
+        if fit.descent.converged
+        else f"THE OPTIMISATION DID NOT CONVERGE: it {fit.descent.message}.",
+        f"Root-mean-square misfit {before:.3g} {unit} before, {after:.3g} {unit} after; "
+        f"the data determine {fit.determined:.1f} of {len(fit.values)} constants.",
+    ]
+    if fit.noise_estimated:
+        scale, _, _ = (1.0, 0, 0) if measured.in_percent else (1e6, 0, 0)
+        notes.append(
+            f"The file gives no standard deviations; {scale * float(fit.noise_sd[0]):.3g} {unit} was estimated with the "
+            "fit, differences between sonications included."
+        )
+    notes += fit.not_identified.values()
+    if measured.temperature is not None:
+        notes += extrapolations(fit.model, measured.temperature)
+    if measured.ignored:
+        notes.append(f"Columns not used: {', '.join(measured.ignored)}.")
+    return notes
+
+
+def _results(fit: HmiFit, measured: HmiData) -> dict[str, object]:
+    before, after, unit = _misfit(fit, measured)
+    constants = {
+        parameter.name: quantity(float(value), parameter.unit, float(error)) | {"error_over_prior": float(ratio)}
+        for parameter, value, error, ratio in zip(
+            fit.constants.parameters, fit.values, fit.standard_errors, fit.shrinkage, strict=True
+        )
+    }
+    coefficients = {name: quantity(value, unit, error) for name, unit, value, error in _coefficients(fit)}
+    return {
+        "constants": constants,
+        "attenuation_coefficients": coefficients,
+        "correlation": fit.correlation.tolist(),
+        "not_identified": list(fit.not_identified),
+        "converged": fit.descent.converged,
+        "status": fit.descent.message,
+        "rms_misfit_before": quantity(before, unit),
+        "rms_misfit_after": quantity(after, unit),
+        "noise_estimated": fit.noise_estimated,
+    }
+
+
+def _report(described: Experiment, measured: HmiData, fit: HmiFit, figures: list[str], notes: list[str]) -> str:
+    names = [parameter.name for parameter in fit.constants.parameters]
+    lines = [
+        f"# Calibration: {described.title}",
+        "",
+        f"{len(measured.displacement)} values from {len(measured.labels)} sonications ({measured.path.name}).",
+        "",
+        *(f"- {note}" for note in notes),
+        "",
+        "## Constants",
+        "",
+        "| " + " | ".join(_HEADER) + " |",
+        "| --- | --- |" + " ---: |" * 4,
+        *("| " + " | ".join(row) + " |" for row in _rows(fit)),
+        "",
+        "Attenuation is fitted through its values at five temperatures, in percent of the tissue's 1 MHz value; they make "
+        "the coefficients of the polynomial, whose errors are strongly correlated:",
+        "",
+        "| coefficient | unit | estimate | standard error |",
+        "| --- | --- | ---: | ---: |",
+        *(f"| {name} | {unit} | {value:.5g} | {error:.2g} |" for name, unit, value, error in _coefficients(fit)),
+        "",
+        "## Correlations",
+        "",
+        "| | " + " | ".join(str(number) for number in range(1, len(names) + 1)) + " |",
+        "| --- |" + " ---: |" * len(names),
+        *(
+            f"| {number} {name} | " + " | ".join(f"{value:+.2f}" for value in row) + " |"
+            for number, (name, row) in enumerate(zip(names, fit.correlation, strict=True), start=1)
+        ),
+        "",
+        *(f"![{name}]({name})" for name in figures),
+    ]
+    return "\n".join(lines) + "\n"
