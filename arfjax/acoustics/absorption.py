@@ -20,7 +20,7 @@ def complex_wavenumber(medium: AcousticMedium, frequency: Float[Array, " harmoni
 
 def attenuation(medium: AcousticMedium, frequency: Float[Array, " harmonic"]) -> Float[Array, " harmonic"]:
     """Amplitude attenuation coefficient [Np/m] at each frequency [Hz]."""
-    return jax.vmap(medium.attenuation_at)(frequency)
+    return jnp.asarray(jax.vmap(medium.attenuation_at)(frequency))
 
 
 def phase_speed(medium: AcousticMedium, frequency: Float[Array, " harmonic"]) -> Float[Array, " harmonic"]:

@@ -149,7 +149,7 @@ def solve_field(
         end = z[-1] if index == owner[-1] else interfaces[index + 1]
         positions, hits = _march_positions(depth, end, wanted, settings.axial_step)
         axial_wavenumber = diffraction.axial_wavenumber(
-            complex_wavenumber(medium, frequency), jnp.asarray(basis.wavenumbers)
+            complex_wavenumber(medium, frequency), _constant(basis.wavenumbers)
         )
         history = march(amplitude, axial_wavenumber, positions, basis, _sponge(basis, settings))
         recorded.append(history[hits])
@@ -176,7 +176,7 @@ def march(
 
     `physical(pressure, step)` acts at the basis' nodes for each step [m], between two halves of diffraction.
     """
-    from_series, to_series = jnp.asarray(basis.from_series), jnp.asarray(basis.to_series)
+    from_series, to_series = _constant(basis.from_series), _constant(basis.to_series)
 
     def step(amplitude: Array, length: Array) -> tuple[Array, Array]:
         half = jnp.exp(-0.5j * length * axial_wavenumber)
@@ -184,8 +184,13 @@ def march(
         amplitude = half * _transform(to_series, physical(pressure, length))
         return amplitude, amplitude
 
-    _, history = jax.lax.scan(step, amplitude, jnp.asarray(np.diff(positions)))
+    _, history = jax.lax.scan(step, amplitude, _constant(np.diff(positions)))
     return jnp.concatenate([amplitude[None], history])
+
+
+def _constant(values: Float[np.ndarray, "..."]) -> Float[Array, "..."]:
+    """Static numbers in the precision in force: `dtype=float` is float32 where x64 is off."""
+    return jnp.asarray(values, dtype=float)
 
 
 def _transform(matrix: Float[Array, "out in"], values: Complex[Array, "*batch in"]) -> Complex[Array, "*batch out"]:
@@ -214,12 +219,12 @@ def _start(
     )
     # What lies in the ring of the sponge at the start is faded out, so that the series has no jump at its end.
     fade = np.cos(0.5 * np.pi * _sponge_depth(basis, settings)[inside]) ** 2
-    return _transform(jnp.asarray(basis.to_series[:, inside]), (pressure * fade)[None, :])
+    return _transform(_constant(basis.to_series[:, inside]), (pressure * _constant(fade))[None, :])
 
 
 def _sponge(basis: HankelBasis, settings: MarchSettings) -> PhysicalOperator:
     """Absorbing ring: amplitude decays with axial travel, the faster the farther out."""
-    rate = jnp.asarray(settings.sponge_strength / settings.domain_radius * _sponge_depth(basis, settings) ** 2)
+    rate = _constant(settings.sponge_strength / settings.domain_radius * _sponge_depth(basis, settings) ** 2)
 
     def absorb(pressure: Array, length: Array) -> Array:
         return pressure * jnp.exp(-length * rate)[None, :]
@@ -236,7 +241,7 @@ def _sponge_depth(basis: HankelBasis, settings: MarchSettings) -> Float[np.ndarr
 def _evaluate(
     coefficients: Complex[Array, "z harmonic mode"], basis: HankelBasis, r: Float[np.ndarray, " r"]
 ) -> Complex[Array, "harmonic r z"]:
-    return jnp.moveaxis(_transform(jnp.asarray(basis.evaluation_matrix(r)), coefficients), 0, 2)
+    return jnp.moveaxis(_transform(_constant(basis.evaluation_matrix(r)), coefficients), 0, 2)
 
 
 def _field(
@@ -322,9 +327,10 @@ def _check_bowl(bowl: FocusedBowl, drive: Drive, medium: AcousticMedium, setting
         )
     wavenumber = 2.0 * math.pi * _concrete(drive.frequency) / _concrete(medium.sound_speed)
     if math.pi * settings.n_radial / settings.domain_radius < wavenumber:
+        at_least = math.ceil(wavenumber * settings.domain_radius / math.pi)
         raise InputError(
             f"`n_radial` {settings.n_radial} does not resolve the wavelength {2.0 * math.pi / wavenumber} m on a "
-            f"domain of {settings.domain_radius} m: more than {wavenumber * settings.domain_radius / math.pi:.0f} are needed."
+            f"domain of {settings.domain_radius} m: more than {at_least} are needed."
         )
     needed = 0.5 * wavenumber * (settings.domain_radius + aperture) + 30.0
     if settings.n_quadrature < needed:

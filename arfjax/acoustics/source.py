@@ -56,8 +56,8 @@ def bowl_pressure(
     sine, cosine, weight = _angles(wavenumber.real * (plane - bowl.rim_depth), n_quadrature)
     # One table serves both ends: columns for the radii wanted, then for the rings of the bowl. Without
     # the barrier XLA computes it anew for each use.
-    radii = jnp.concatenate([jnp.asarray(r), ring_radius])
-    bessel = jax.lax.optimization_barrier(bessel_j0(wavenumber * sine[:, None] * radii[None, :]))
+    radii = jnp.concatenate([jnp.asarray(r, dtype=float), ring_radius])
+    bessel: Array = jax.lax.optimization_barrier(bessel_j0(wavenumber * sine[:, None] * radii[None, :]))
     at_plane, at_rings = bessel[:, : len(r)], bessel[:, len(r) :]
     advance = jnp.exp(-1j * wavenumber * cosine[:, None] * distance[None, :])
     spectrum = (at_rings * advance) @ (ring_radius * ring_length).astype(bessel.dtype)
@@ -67,7 +67,7 @@ def bowl_pressure(
 
 def _rings(bowl: FocusedBowl, n: int) -> tuple[Float[Array, " ring"], Float[Array, " ring"], Float[Array, " ring"]]:
     """Radius, depth and arc length [m] of the rings that the bowl is cut into."""
-    nodes, weights = np.polynomial.legendre.leggauss(n)
+    nodes, weights = (jnp.asarray(values, dtype=float) for values in np.polynomial.legendre.leggauss(n))
     start, stop = (jnp.arcsin(radius / bowl.focal_length) for radius in (bowl.hole_radius, bowl.aperture_radius))
     half_width = 0.5 * (stop - start)
     angle = start + half_width * (nodes + 1.0)
@@ -80,11 +80,11 @@ def _angles(decay: Scalar, n: int) -> tuple[Float[Array, " angle"], Complex[Arra
 
     `decay` is how fast the latter die, k times the distance from rim to plane.
     """
-    nodes, weights = np.polynomial.legendre.leggauss(n)
+    nodes, weights = (jnp.asarray(values, dtype=float) for values in np.polynomial.legendre.leggauss(n))
     theta = 0.25 * np.pi * (nodes + 1.0)
     end = jnp.arcsinh(_EVANESCENT_DECAY / decay)
     eta = 0.5 * end * (nodes + 1.0)
     sine = jnp.concatenate([jnp.sin(theta), jnp.cosh(eta)])
     cosine = jnp.concatenate([jnp.cos(theta) + 0j, -1j * jnp.sinh(eta)])
-    weight = jnp.concatenate([jnp.asarray(0.25 * np.pi * weights) + 0j, 0.5j * end * weights])
+    weight = jnp.concatenate([0.25 * np.pi * weights + 0j, 0.5j * end * weights])
     return sine, cosine, weight * sine
