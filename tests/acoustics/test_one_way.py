@@ -178,9 +178,9 @@ def test_gradient_of_focal_intensity_in_each_parameter(name):
 
 
 def test_gradient_is_finite_in_a_lossless_medium():
-    gradient = jax.jit(jax.grad(focal_intensity))(PARAMETERS | {"attenuation": 0.0})
-    assert all(np.isfinite(value) for value in gradient.values())
-    assert gradient["attenuation"] < 0.0
+    gradient = jax.jit(jax.grad(lambda value: focal_intensity(PARAMETERS | {"attenuation": value})))(0.0)
+    assert np.isfinite(gradient)
+    assert gradient < 0.0
 
 
 def test_a_batch_over_attenuation_equals_a_loop():
