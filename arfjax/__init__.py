@@ -27,6 +27,7 @@ from arfjax.laws import Tabulated as Tabulated
 from arfjax.laws import TemperatureLaw as TemperatureLaw
 from arfjax.laws import ZenerLaw as ZenerLaw
 from arfjax.laws import extrapolations as extrapolations
+from arfjax.mechanics.complex_modulus import complex_modulus as complex_modulus
 from arfjax.mechanics.dynamics import solve_push as solve_push
 from arfjax.mechanics.mesh import Mesh as Mesh
 from arfjax.mechanics.viscoelastic import ShearModulus as ShearModulus
@@ -41,6 +42,7 @@ from arfjax.model import Layer as Layer
 from arfjax.model import Lesion as Lesion
 from arfjax.model import Model as Model
 from arfjax.model import TabulatedSize as TabulatedSize
+from arfjax.model import tabulated_size as tabulated_size
 from arfjax.protocols.discretisation import Discretisation as Discretisation
 from arfjax.protocols.discretisation import discretise as discretise
 from arfjax.protocols.stepwise import Heating as Heating
@@ -50,6 +52,7 @@ from arfjax.protocols.stepwise import focal_temperature_at as focal_temperature_
 from arfjax.protocols.stepwise import layered_field as layered_field
 from arfjax.protocols.stepwise import run_stepwise as run_stepwise
 from arfjax.protocols.stepwise import simulate_heating as simulate_heating
+from arfjax.protocols.stepwise import stepwise_displacement as stepwise_displacement
 from arfjax.thermal.bioheat import solve_bioheat as solve_bioheat
 from arfjax.thermal.dose import cumulative_equivalent_minutes as cumulative_equivalent_minutes
 from arfjax.thermal.lesion import lesion_size as lesion_size

@@ -223,13 +223,13 @@ def fit_hmi(
 
     given = data.sd is not None
     sd = np.asarray(data.sd) / unit if given else np.full(len(measured), _FIRST_NOISE_PERCENT)
-    sensitivity = jax.jit(lambda z: (simulate(z), jax.jacfwd(simulate)(z)))
+    sensitivity = jax.jit(jax.jacfwd(lambda z: (simulate(z),) * 2, has_aux=True))
     z = np.zeros(len(constants.parameters))
-    before = np.asarray(sensitivity(z)[0])
+    before = np.asarray(sensitivity(z)[1])
     for _ in range(1 if given else _MOST_NOISE_UPDATES):
         descent = descend(residuals, z, jnp.asarray(sd), on_step=on_step, max_steps=max_steps)
         z = np.asarray(descent.solution)
-        after, jacobian = (np.asarray(array) for array in sensitivity(z))
+        jacobian, after = (np.asarray(array) for array in sensitivity(z))
         covariance = np.linalg.inv((jacobian / sd[:, None] ** 2).T @ jacobian + np.eye(len(z)))
         determined = len(z) - float(np.trace(covariance))
         estimate = np.sqrt(np.sum((after - measured) ** 2) / (len(measured) - determined))

@@ -13,8 +13,8 @@ from arfjax import (
     Model,
     StepwiseProtocol,
     focal_temperature_at,
-    run_stepwise,
     simulate_heating,
+    stepwise_displacement,
 )
 from inverse.datasets.hmi import HmiData
 
@@ -89,7 +89,7 @@ def predict(
         states = jnp.asarray(sweep.states)
         temperatures = focal_temperature_at(heating, states) if sweep.in_time else states
         with_reference = jnp.concatenate([jnp.asarray([sweep.reference_temperature]), temperatures])
-        displacement = run_stepwise(model, with_reference, sweep.protocol, settings, heating=heating).displacement
+        displacement = stepwise_displacement(model, with_reference, sweep.protocol, settings, heating=heating)
         values = displacement[1:][sweep.places]
         prediction = prediction.at[sweep.rows].set(100.0 * values / displacement[0] if in_percent else values)
     return prediction

@@ -1,5 +1,7 @@
 """Grids, mesh and steps on which a protocol runs, made for one geometry."""
 
+import math
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -76,9 +78,28 @@ def discretise(model: Model, *, refinement: float = 1.0) -> Discretisation:
         heat_grid=heat_grid,
         layer_of_cell=tuple(int(i) for i in np.searchsorted(interfaces, heat_grid.z)),
         mesh=mesh,
-        march=MarchSettings(),
+        march=march_settings(model, refinement),
         n_heat_steps=round(120 * refinement),
         n_push_steps=round(25 * refinement),
+    )
+
+
+def march_settings(model: Model, refinement: float = 1.0) -> MarchSettings:
+    """Settings of the sound field's march: the defaults, scaled to the bowl's size and the wavelength.
+
+    The defaults are for 32 mm and 1.1 MHz. The domain grows with the bowl, and the number of terms and of quadrature
+    points with the number of wavelengths across it, so that accuracy stays what it is there.
+    """
+    default = MarchSettings()
+    aperture, frequency = float(model.bowl.aperture_radius), float(model.drive.frequency)
+    width = max(aperture / 32e-3, 1.0)
+    wavelengths = width * max(frequency / 1.1e6, 1.0)
+    return MarchSettings(
+        n_radial=math.ceil(refinement * default.n_radial * wavelengths),
+        domain_radius=default.domain_radius * width,
+        axial_step=default.axial_step / max(frequency / 1.1e6, 1.0) / refinement,
+        start_plane=float(model.bowl.rim_depth) + 3.2e-3,
+        n_quadrature=math.ceil(default.n_quadrature * wavelengths),
     )
 
 

@@ -21,6 +21,7 @@ from arfjax.mechanics.dynamics import PushResult, PushSettings, solve_push
 from arfjax.mechanics.material import ellipsoid_depth, liver_with_lesion
 from arfjax.media import Scalar
 from arfjax.model import Model, TabulatedSize
+from arfjax.numerics.derivatives import forward_by_reverse
 from arfjax.protocols.discretisation import Discretisation
 from arfjax.thermal.bioheat import focal_temperature, solve_bioheat
 from arfjax.thermal.dose import cumulative_equivalent_minutes
@@ -188,23 +189,60 @@ def run_stepwise(
         model: The model; derivatives flow to every leaf of it.
         temperatures: Of liver and focus [degC], from the start to the final temperature of the protocol.
         protocol: What is done to the tissue.
-        settings: Grids, mesh and steps.
+        settings: Grids, mesh and steps; close over them under `jit`, because their positions must be concrete.
         heating: The sonication, where it has been simulated already.
 
     Accuracy: see `Discretisation`.
     """
     heating = simulate_heating(model, protocol, settings) if heating is None else heating
-    lesions = jax.vmap(lambda temperature: lesion_at(model, heating, temperature, settings))(temperatures)
-    # As one batch, because the field up to the liver is then computed once for all temperatures.
-    forces = jax.vmap(lambda temperature: force_at(model, temperature, protocol, settings))(temperatures)
+    steps = _prepare(model, temperatures, protocol, settings, heating)
 
-    def focal_history(step: tuple[Array, LesionSize, Array]) -> Array:
+    def focal_history(step: _Step) -> Array:
         return push(model, *step, protocol, settings).at_focus(settings.focus)
 
     # One after the other: a batch would hold the factors of every step's stiffness at once and save no time.
-    histories = jax.lax.map(focal_history, (temperatures, lesions, forces))
+    histories = jax.lax.map(focal_history, steps)
     times = jax.vmap(lambda temperature: _time_of(heating, temperature))(temperatures)
-    return StepwiseResult(temperatures, times, histories, lesions.length, lesions.diameter)
+    return StepwiseResult(temperatures, times, histories, steps[1].length, steps[1].diameter)
+
+
+def stepwise_displacement(
+    model: Model,
+    temperatures: Float[Array, " step"],
+    protocol: StepwiseProtocol,
+    settings: Discretisation,
+    *,
+    heating: Heating,
+) -> Float[Array, " step"]:
+    """Displacement at the geometric focus at the end of each push [m], as `run_stepwise` gives it.
+
+    For fits: its Jacobian by forward mode costs one gradient a push, however many constants are fitted.
+    """
+
+    def displacement(argument: tuple[Model, _Step]) -> Array:
+        each, step = argument
+        return push(each, *step, protocol, settings).at_focus(settings.focus)[-1]
+
+    numbers = jax.tree.map(jnp.asarray, model)
+    steps = _prepare(model, temperatures, protocol, settings, heating)
+    return jax.lax.map(lambda step: forward_by_reverse(displacement)((numbers, step)), steps)
+
+
+_Step = tuple[Array, LesionSize, Array]
+"""Temperature, lesion and force density of one or of every step."""
+
+
+def _prepare(
+    model: Model,
+    temperatures: Float[Array, " step"],
+    protocol: StepwiseProtocol,
+    settings: Discretisation,
+    heating: Heating,
+) -> _Step:
+    lesions = jax.vmap(lambda temperature: lesion_at(model, heating, temperature, settings))(temperatures)
+    # As one batch, because the field up to the liver is then computed once for all temperatures.
+    forces = jax.vmap(lambda temperature: force_at(model, temperature, protocol, settings))(temperatures)
+    return temperatures, lesions, forces
 
 
 def focal_temperature_at(heating: Heating, time: Float[Array, " n"]) -> Float[Array, " n"]:
