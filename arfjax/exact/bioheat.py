@@ -26,7 +26,7 @@ def gaussian_source_rise(
     radius: float,
     half_length: float,
     heating_duration: float | None = None,
-) -> Float[np.ndarray, "..."]:
+) -> Points:
     r"""Temperature rise of an infinite medium around a Gaussian source.
 
     The heat is $Q \exp(-r^2/a^2 - z^2/b^2)$. Each instant's heat spreads as a Gaussian and decays by perfusion:
@@ -68,7 +68,7 @@ def gaussian_source_rise(
 
 def cylinder_mode(
     r: Points, z: Points, *, radius: float, length: float, radial_order: int = 1, axial_order: int = 1
-) -> Float[np.ndarray, "..."]:
+) -> Points:
     """Eigenfunction of a cylinder, 0 <= r <= radius and 0 <= z <= length, whose walls are held at zero."""
     root = jn_zeros(0, radial_order)[-1]
     return j0(root * np.asarray(r) / radius) * np.sin(axial_order * np.pi * np.asarray(z) / length)
@@ -76,7 +76,7 @@ def cylinder_mode(
 
 def cylinder_mode_insulated(
     r: Points, z: Points, *, radius: float, length: float, radial_order: int = 1, axial_order: int = 1
-) -> Float[np.ndarray, "..."]:
+) -> Points:
     """Eigenfunction of a cylinder, 0 <= r <= radius and 0 <= z <= length, whose walls are insulated."""
     root = jn_zeros(1, radial_order)[-1]
     return j0(root * np.asarray(r) / radius) * np.cos(axial_order * np.pi * np.asarray(z) / length)
