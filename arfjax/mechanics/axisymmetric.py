@@ -21,7 +21,7 @@ from arfjax.numerics.elements import linear_pressure, product, quadratic, quadra
 from arfjax.numerics.quadrature import gauss_legendre
 
 _POINTS, _WEIGHTS = gauss_legendre(N_GAUSS)
-_SHEAR_WEIGHTS = np.array([2.0, 2.0, 2.0, 1.0])
+STRESS_OVER_STRAIN = np.array([2.0, 2.0, 2.0, 1.0])
 """Deviatoric stress over shear modulus and deviatoric strain: two, and one for engineering shear."""
 
 
@@ -77,7 +77,7 @@ def mass_matrices(mesh: Mesh, density: Float[Array, "ez er 9"]) -> Float[Array, 
 def deviatoric_stiffness(mesh: Mesh, shear_modulus: Float[Array, "ez er 9"]) -> Float[Array, "ez er 18 18"]:
     """Element stiffness [N/m] against change of shape."""
     basis = jnp.moveaxis(deviator(jnp.moveaxis(strain_matrices(mesh), -1, 0)), 0, -1)
-    weights = (shear_modulus * volume_weights(mesh))[..., None] * _SHEAR_WEIGHTS[None, None, None, :]
+    weights = (shear_modulus * volume_weights(mesh))[..., None] * STRESS_OVER_STRAIN[None, None, None, :]
     return jnp.einsum("zrgci,zrgcj->zrij", basis * weights[..., None], basis)
 
 
@@ -107,9 +107,7 @@ def load(
     return scatter(jnp.einsum("gn,zrgc->zrnc", _shape_values(), density))
 
 
-def kinetic_energy(
-    mesh: Mesh, density: Float[Array, "rq zq"], velocity: Float[Array, "r z 2"]
-) -> Float[Array, ""]:
+def kinetic_energy(mesh: Mesh, density: Float[Array, "rq zq"], velocity: Float[Array, "r z 2"]) -> Float[Array, ""]:
     """Kinetic energy [J] of a nodal velocity [m/s]."""
     nodal = velocity.transpose(1, 0, 2)
     return 0.5 * jnp.sum(nodal * apply_elements(mass_matrices(mesh, mesh.element_values(density)), nodal))

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from arfjax.mechanics.axisymmetric import (
+    STRESS_OVER_STRAIN,
     deviator,
     deviatoric_stiffness,
     internal_force,
@@ -29,9 +30,6 @@ from arfjax.mechanics.viscoelastic import ViscoelasticField
 from arfjax.media import Scalar
 from arfjax.numerics.assembly import apply_elements, assemble, constrain, from_blocks, gather, to_blocks
 from arfjax.numerics.block_tridiagonal import factorise, solve
-
-_STRESS_OVER_STRAIN = np.array([2.0, 2.0, 2.0, 1.0])
-"""Deviatoric stress over shear modulus and deviatoric strain: two, and one for engineering shear."""
 
 _NO_POINTS = np.zeros((0, 2))
 
@@ -180,11 +178,16 @@ class _Scheme(eqx.Module):
 
 
 class _Solid(eqx.Module):
-    """Element matrices and branches, sorted by elements; decay and gain are those of one time step."""
+    """Element matrices and branches, sorted by elements.
+
+    A time step multiplies what a branch remembers by `decay`, and adds `gain` times the change of strain.
+    `branch_stiffness` is what all branches add to the stiffness against that change.
+    """
 
     mesh: Mesh
     mass: Float[Array, "ez er 9 9"]
     relaxed_stiffness: Float[Array, "ez er 18 18"]
+    branch_stiffness: Float[Array, "ez er 18 18"]
     branch_moduli: Float[Array, "branch ez er 9"]
     decay: Float[Array, "branch ez er 9"]
     gain: Float[Array, "branch ez er 9"]
@@ -212,16 +215,19 @@ class _Observer(eqx.Module):
 
 
 def _prepare(mesh: Mesh, material: ViscoelasticField, time_step: float) -> _Solid:
-    branches = jax.vmap(mesh.element_values)
-    decrement = time_step / branches(material.relaxation_times)
+    at_elements = mesh.element_values
+    branch_moduli = jax.vmap(at_elements)(material.branch_shear_moduli)
+    decrement = time_step / jax.vmap(at_elements)(material.relaxation_times)
+    gain = -jnp.expm1(-decrement) / decrement
+    relaxed = deviatoric_stiffness(mesh, at_elements(material.relaxed_shear_modulus))
     return _Solid(
-        mesh,
-        mass_matrices(mesh, mesh.element_values(material.density)),
-        deviatoric_stiffness(mesh, mesh.element_values(material.relaxed_shear_modulus))
-        + volumetric_stiffness(mesh, mesh.element_values(material.bulk_modulus)),
-        branches(material.branch_shear_moduli),
-        jnp.exp(-decrement),
-        -jnp.expm1(-decrement) / decrement,
+        mesh=mesh,
+        mass=mass_matrices(mesh, at_elements(material.density)),
+        relaxed_stiffness=relaxed + volumetric_stiffness(mesh, at_elements(material.bulk_modulus)),
+        branch_stiffness=deviatoric_stiffness(mesh, jnp.sum(gain * branch_moduli, axis=0)),
+        branch_moduli=branch_moduli,
+        decay=jnp.exp(-decrement),
+        gain=gain,
     )
 
 
@@ -232,7 +238,8 @@ def _march(
     free = jnp.asarray(solid.mesh.free, dtype=force.dtype)
     effective = constrain(assemble(_effective_matrices(solid, scheme)), to_blocks(free))
     factor = factorise(effective)
-    jump = _acceleration_from_rest(solid, free, force)
+    mass = constrain(assemble(_for_both_components(solid.mass)), to_blocks(free))
+    jump = from_blocks(solve(mass, factorise(mass), to_blocks(force)), 2)
     on = np.arange(settings.n_steps) < settings.push_steps
     released = np.arange(settings.n_steps) == settings.push_steps
 
@@ -258,23 +265,13 @@ def _keep_solutions(primitive: object, *_: object, **__: object) -> bool:
 
 def _effective_matrices(solid: _Solid, scheme: _Scheme) -> Float[Array, "ez er 18 18"]:
     """What multiplies the acceleration at the end of a step."""
-    mass = jnp.einsum("zrij,cd->zricjd", solid.mass, jnp.eye(2, dtype=solid.mass.dtype))
-    branches = deviatoric_stiffness(solid.mesh, jnp.sum(solid.gain * solid.branch_moduli, axis=0))
-    stiffness = (1.0 - scheme.old_stress) * scheme.displacement_gain * (solid.relaxed_stiffness + branches)
-    return (1.0 - scheme.old_inertia) * mass.reshape(stiffness.shape) + stiffness
+    stiffness = (1.0 - scheme.old_stress) * (solid.relaxed_stiffness + solid.branch_stiffness)
+    return (1.0 - scheme.old_inertia) * _for_both_components(solid.mass) + scheme.displacement_gain * stiffness
 
 
-def _acceleration_from_rest(
-    solid: _Solid, free: Float[Array, "row column 2"], force: Float[Array, "row column 2"]
-) -> Float[Array, "row column 2"]:
-    """The jump of the acceleration when the force is switched on."""
-    mass = assemble(solid.mass)
-
-    def one_component(is_free: Float[Array, "row column"], pull: Float[Array, "row column"]) -> Array:
-        matrix = constrain(mass, to_blocks(is_free[..., None]))
-        return from_blocks(solve(matrix, factorise(matrix), to_blocks(pull[..., None])), 1)[..., 0]
-
-    return jax.vmap(one_component, in_axes=-1, out_axes=-1)(free, force)
+def _for_both_components(mass: Float[Array, "ez er 9 9"]) -> Float[Array, "ez er 18 18"]:
+    both = jnp.einsum("zrij,cd->zricjd", mass, jnp.eye(2, dtype=mass.dtype))
+    return both.reshape(*mass.shape[:2], 18, 18)
 
 
 def _predicted(scheme: _Scheme, state: _State) -> Float[Array, "row column 2"]:
@@ -291,17 +288,14 @@ def _old_force(solid: _Solid, scheme: _Scheme, state: _State) -> Float[Array, "r
     """The weighted balance of a step without the acceleration at its end: inertia plus internal force."""
     old, new = scheme.old_stress, 1.0 - scheme.old_stress
     predicted = _predicted(scheme, state)
-    change = _shape_change(solid.mesh, predicted - state.displacement)
     remembered = jnp.einsum("bzrg,bzrgc->zrgc", solid.branch_moduli * (new * solid.decay + old), state.memory)
-    gained = new * jnp.sum(solid.gain * solid.branch_moduli, axis=0)[..., None] * change
     relaxed = apply_elements(solid.relaxed_stiffness, new * predicted + old * state.displacement)
+    gained = new * apply_elements(solid.branch_stiffness, predicted - state.displacement)
     inertia = scheme.old_inertia * apply_elements(solid.mass, state.acceleration)
-    return inertia + relaxed + internal_force(solid.mesh, (remembered + gained) * _STRESS_OVER_STRAIN[None, None, None, :])
+    return inertia + relaxed + gained + internal_force(solid.mesh, remembered * STRESS_OVER_STRAIN[None, None, None, :])
 
 
-def _advance(
-    solid: _Solid, scheme: _Scheme, state: _State, acceleration: Float[Array, "row column 2"]
-) -> _State:
+def _advance(solid: _Solid, scheme: _Scheme, state: _State, acceleration: Float[Array, "row column 2"]) -> _State:
     gain = scheme.velocity_gain
     displacement = _predicted(scheme, state) + scheme.displacement_gain * acceleration
     velocity = state.velocity + (scheme.time_step - gain) * state.acceleration + gain * acceleration

@@ -15,19 +15,31 @@ from arfjax.numerics.elements import N_NODES
 
 def gather(nodal: Float[Array, "row column component"]) -> Float[Array, "ez er 9 component"]:
     """The nodal values of each element."""
-    n_rows, n_columns, _ = nodal.shape
-    corners = [nodal[j : n_rows - 2 + j : 2, i : n_columns - 2 + i : 2] for j in range(3) for i in range(3)]
-    return jnp.stack(corners, axis=2)
+    n_rows, n_columns, n_components = nodal.shape
+    along_r = _split(nodal.transpose(1, 0, 2))
+    both = _split(along_r.transpose(2, 0, 1, 3))
+    return both.transpose(0, 2, 1, 3, 4).reshape(n_rows // 2, n_columns // 2, N_NODES, n_components)
 
 
 def scatter(elements: Float[Array, "ez er 9 component"]) -> Float[Array, "row column component"]:
     """Sums what the elements give to each node: the transpose of `gather`."""
     n_z, n_r, _, n_components = elements.shape
-    nodal = jnp.zeros((2 * n_z + 1, 2 * n_r + 1, n_components), elements.dtype)
-    for node in range(N_NODES):
-        j, i = divmod(node, 3)
-        nodal = nodal.at[j : 2 * n_z - 1 + j : 2, i : 2 * n_r - 1 + i : 2].add(elements[:, :, node])
-    return nodal
+    both = elements.reshape(n_z, n_r, 3, 3, n_components).transpose(0, 2, 1, 3, 4)
+    along_r = _join(both).transpose(1, 2, 0, 3)
+    return _join(along_r).transpose(1, 0, 2)
+
+
+def _split(line: Float[Array, "node *rest"]) -> Float[Array, "element 3 *rest"]:
+    own = line[:-1].reshape(len(line) // 2, 2, *line.shape[1:])
+    return jnp.concatenate([own, line[2::2, None]], axis=1)
+
+
+def _join(elements: Float[Array, "element 3 *rest"]) -> Float[Array, "node *rest"]:
+    n_elements, _, *rest = elements.shape
+    own = elements[:, :2].reshape(2 * n_elements, *rest)
+    shared = jnp.stack([jnp.zeros_like(elements[:, 2]), elements[:, 2]], axis=1).reshape(2 * n_elements, *rest)
+    unpadded = [(0, 0)] * len(rest)
+    return jnp.pad(own, [(0, 1), *unpadded]) + jnp.pad(shared, [(1, 0), *unpadded])
 
 
 def apply_elements(

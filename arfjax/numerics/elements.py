@@ -31,9 +31,7 @@ def product(along_r: Float[Array, "r 3"], along_z: Float[Array, "z 3"]) -> Float
     return table.reshape(len(along_z) * len(along_r), N_NODES)
 
 
-def linear_pressure(
-    points_r: Float[np.ndarray, " r"], points_z: Float[np.ndarray, " z"]
-) -> Float[Array, "z*r 3"]:
+def linear_pressure(points_r: Float[np.ndarray, " r"], points_z: Float[np.ndarray, " z"]) -> Float[Array, "z*r 3"]:
     """The functions 1, r, z of the reference square at every pair of points."""
     z, r = np.meshgrid(points_z, points_r, indexing="ij")
     return jnp.asarray(np.stack([np.ones_like(r), r, z], axis=-1).reshape(-1, 3), dtype=float)
