@@ -134,7 +134,9 @@ def solve_push(
         Meth. Engng 2 (1970) 45 (recursion for the memory variables).
     """
     radial = jnp.zeros_like(axial_force) if radial_force is None else radial_force
-    force = mesh.free * load(mesh, mesh.element_values(axial_force), mesh.element_values(radial))
+    force = jnp.asarray(mesh.free, dtype=float) * load(
+        mesh, mesh.element_values(axial_force), mesh.element_values(radial)
+    )
     observe = _Observer(
         interpolation_weights(mesh.r_edges, points[:, 0]), interpolation_weights(mesh.z_edges, points[:, 1])
     )

@@ -3,9 +3,9 @@ r"""Constitutive law: elastic in volume, relaxing in shape.
 $$ \sigma = 2 \int_0^t G(t - s) \, d\,\mathrm{dev}\,\varepsilon(s) + K \, \mathrm{tr}(\varepsilon) I, \qquad
    G(t) = G_0 + \sum_i \Delta G_i \, e^{-t / \tau_i} $$
 
-A sum of exponentials (a Prony series) needs one memory variable a branch, instead of the whole history. The conventional
-Zener solid is such a sum with one branch. The fractional Zener solid relaxes as a Mittag-Leffler function, an integral of
-exponentials with positive weights, which a few branches approximate.
+A sum of exponentials (a Prony series) needs one memory variable a branch, instead of the whole history. The
+conventional Zener solid is such a sum with one branch. The fractional Zener solid relaxes as a Mittag-Leffler function,
+an integral of exponentials with positive weights, which a few branches approximate.
 """
 
 import abc
