@@ -1,0 +1,132 @@
+"""The mesh of the mechanical problem: rectangles in the half plane (r, z), rotated about the axis."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from arfjax.numerics.elements import quadratic
+from arfjax.numerics.quadrature import gauss_legendre
+
+N_GAUSS = 3
+"""Gauss points along each side of an element: exact for the mass matrix of a biquadratic element on a ring."""
+
+
+class Walls(eqx.Module):
+    """Which outer walls are held fast; the others are free of traction. The axis is never a wall.
+
+    Attributes:
+        outer_fixed: The wall at the largest radius.
+        bottom_fixed: The wall at the smallest z.
+        top_fixed: The wall at the largest z.
+    """
+
+    outer_fixed: bool = eqx.field(static=True, default=True)
+    bottom_fixed: bool = eqx.field(static=True, default=True)
+    top_fixed: bool = eqx.field(static=True, default=True)
+
+
+class Mesh(eqx.Module):
+    """Biquadratic elements between radial edges and axial edges.
+
+    Attributes:
+        r_edges: Radial element edges [m], ascending from 0 (the axis).
+        z_edges: Axial element edges [m], ascending.
+        walls: Conditions on the outer walls.
+    """
+
+    r_edges: Float[np.ndarray, " n_r_edges"]
+    z_edges: Float[np.ndarray, " n_z_edges"]
+    walls: Walls = Walls()
+
+    def __check_init__(self) -> None:
+        """Refuse edges that are not ascending or do not start on the axis."""
+        for name, edges in (("r_edges", self.r_edges), ("z_edges", self.z_edges)):
+            if len(edges) < 2 or np.any(np.diff(edges) <= 0.0):
+                raise ValueError(f"`{name}` must hold at least two ascending positions [m], got {edges}.")
+        if self.r_edges[0] != 0.0:
+            raise ValueError(f"`r_edges` must start on the axis at 0 m, got {self.r_edges[0]} m.")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of elements, radial and axial."""
+        return len(self.r_edges) - 1, len(self.z_edges) - 1
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of displacement components, held ones included."""
+        return 2 * len(self.node_r) * len(self.node_z)
+
+    @property
+    def node_r(self) -> Float[np.ndarray, " r"]:
+        """Radial node positions [m]: element edges and middles."""
+        return _inside(self.r_edges, np.array([-1.0, 0.0, 1.0]), drop_last=True)
+
+    @property
+    def node_z(self) -> Float[np.ndarray, " z"]:
+        """Axial node positions [m]: element edges and middles."""
+        return _inside(self.z_edges, np.array([-1.0, 0.0, 1.0]), drop_last=True)
+
+    @property
+    def gauss_r(self) -> Float[np.ndarray, " rq"]:
+        """Radial positions [m] of the tensor grid of Gauss points, on which material and force are given."""
+        return _inside(self.r_edges, gauss_legendre(N_GAUSS)[0])
+
+    @property
+    def gauss_z(self) -> Float[np.ndarray, " zq"]:
+        """Axial positions [m] of the tensor grid of Gauss points."""
+        return _inside(self.z_edges, gauss_legendre(N_GAUSS)[0])
+
+    @property
+    def free(self) -> Float[np.ndarray, "row column 2"]:
+        """One for each displacement component that may move, zero for those that are held."""
+        free = np.ones((len(self.node_z), len(self.node_r), 2))
+        free[:, 0, 0] = 0.0
+        walls = self.walls
+        for fixed, wall in ((walls.outer_fixed, np.s_[:, -1]), (walls.bottom_fixed, 0), (walls.top_fixed, -1)):
+            if fixed:
+                free[wall] = 0.0
+        return free
+
+    def element_values(self, field: Float[Array, "rq zq"] | Float[np.ndarray, "rq zq"]) -> Float[Array, "ez er 9"]:
+        """A field on the tensor grid of Gauss points, sorted by elements."""
+        n_r, n_z = self.shape
+        expected = (N_GAUSS * n_r, N_GAUSS * n_z)
+        if field.shape != expected:
+            raise ValueError(
+                f"a field at the Gauss points has shape {expected} (radial, axial) on this mesh, got {field.shape}. "
+                "Evaluate it at `mesh.gauss_r` and `mesh.gauss_z`."
+            )
+        split = jnp.asarray(field).reshape(n_r, N_GAUSS, n_z, N_GAUSS)
+        return split.transpose(2, 0, 3, 1).reshape(n_z, n_r, N_GAUSS**2)
+
+
+def _inside(
+    edges: Float[np.ndarray, " n"], points: Float[np.ndarray, " p"], *, drop_last: bool = False
+) -> Float[np.ndarray, " m"]:
+    # The reference points of every interval; with `drop_last` the end shared with the next interval counts once.
+    middle, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * (edges[1:] - edges[:-1])
+    positions = middle[:, None] + half[:, None] * points[None, :]
+    if drop_last:
+        return np.append(positions[:, :-1].ravel(), edges[-1])
+    return positions.ravel()
+
+
+def interpolation_weights(
+    edges: Float[np.ndarray, " n_edges"] | Float[Array, " n_edges"],
+    positions: Float[Array, " position"] | Float[np.ndarray, " position"] | Sequence[float],
+) -> Float[Array, "position node"]:
+    """Weights of the nodes along one direction that interpolate quadratically inside the element of each position.
+
+    Positions outside the mesh are extrapolated from its last element.
+    """
+    edges, positions = jnp.asarray(edges, dtype=float), jnp.asarray(positions, dtype=float)
+    n_elements = len(edges) - 1
+    element = jnp.clip(jnp.searchsorted(edges, positions, side="right") - 1, 0, n_elements - 1)
+    left, right = edges[element], edges[element + 1]
+    values = quadratic((2.0 * positions - left - right) / (right - left))
+    weights = jnp.zeros((len(positions), 2 * n_elements + 1), values.dtype)
+    rows = jnp.arange(len(positions))[:, None]
+    return weights.at[rows, 2 * element[:, None] + jnp.arange(3)[None, :]].set(values)

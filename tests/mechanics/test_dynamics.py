@@ -1,0 +1,209 @@
+"""The transient solver: exact solutions, orders, invariants, derivatives."""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from arfjax.mechanics.axisymmetric import kinetic_energy, load, strain_energy
+from arfjax.mechanics.dynamics import PushResult, PushSettings, solve_push
+from arfjax.mechanics.mesh import Mesh, Walls
+from arfjax.mechanics.viscoelastic import ViscoelasticField
+from tests.checks import assert_gradient, assert_order
+from tests.mechanics.problems import Reference, gaussian_force, reference_mesh, small_mesh, uneven_material
+
+SMALL = PushSettings(time_step=5e-5, n_steps=12, push_duration=4e-4)
+
+
+def small_force(mesh: Mesh) -> np.ndarray:
+    return gaussian_force(mesh, 1e5, 1e-3, 1.5e-3, centre=-2e-4)
+
+
+@functools.cache
+def compiled(settings: PushSettings, fixed: bool) -> Callable:
+    mesh = small_mesh(Walls(fixed, fixed, fixed))
+    return jax.jit(lambda m, f: solve_push(mesh, m, settings=settings, **f))
+
+
+def run(material: ViscoelasticField, settings: PushSettings = SMALL, *, fixed: bool = True, **forces) -> PushResult:
+    """The response of the small mesh, compiled once for all tests."""
+    forces = {"axial_force": small_force(small_mesh()), "radial_force": np.zeros((12, 15)), **forces}
+    return compiled(settings, fixed)(material, forces)
+
+
+@pytest.mark.parametrize("kind", ["elastic", "zener", "fzener"])
+def test_infinite_medium(kind):
+    # Walls at 24 mm are further than the pressure wave (22 m/s) travels and returns within 1 ms.
+    reference = Reference(kind)
+    mesh = reference_mesh(0.15e-3, 0.8e-3)
+    assert mesh.n_unknowns < 10_000
+    assert reference.error(reference.solve(mesh, time_step=2.5e-5, end=1e-3)) < 2e-3
+
+
+def halved(edges: np.ndarray) -> np.ndarray:
+    return np.sort(np.concatenate([edges, 0.5 * (edges[1:] + edges[:-1])]))
+
+
+@pytest.mark.slow
+def test_third_order_in_space():
+    reference, errors = Reference("elastic"), []
+    mesh = reference_mesh(0.8e-3, 3e-3, growth=1.4)
+    for _ in range(3):
+        result = reference.solve(mesh, time_step=1.25e-5, end=5e-4)
+        difference = np.asarray(result.displacement_at_points)[-1, :, 1] - reference.displacement[4]
+        errors.append(float(np.linalg.norm(difference) / np.linalg.norm(reference.displacement[4])))
+        mesh = Mesh(halved(mesh.r_edges), halved(mesh.z_edges))
+    assert_order([4.0, 2.0, 1.0], errors, order=2.65)
+
+
+@pytest.mark.parametrize(("spectral_radius", "n_steps"), [(0.8, 48), pytest.param(0.0, 192, marks=pytest.mark.slow)])
+def test_second_order_in_time_across_the_jumps_of_the_force(spectral_radius, n_steps):
+    mesh = small_mesh()
+    material = uneven_material(mesh, bulk_modulus=2e4)
+
+    def displacement(n_steps: int) -> np.ndarray:
+        settings = PushSettings(6e-4 / n_steps, n_steps, 4e-4, spectral_radius)
+        return np.asarray(run(material, settings).displacement)
+
+    coarse, middle, fine = displacement(n_steps), displacement(2 * n_steps), displacement(4 * n_steps)
+    changes = [float(np.linalg.norm(coarse - middle)), float(np.linalg.norm(middle - fine))]
+    assert changes[1] < 1e-3 * float(np.linalg.norm(fine))
+    assert_order([2.0, 1.0], changes, order=2.0, slack=0.1)
+
+
+def test_a_free_body_under_uniform_force_moves_as_newton_says():
+    material = uneven_material(small_mesh())
+    result = run(material, fixed=False, axial_force=30.0 * material.density)
+    time, push = np.asarray(result.time), SMALL.push_duration
+    exact = np.where(time < push, 15.0 * time**2, 15.0 * push**2 + 30.0 * push * (time - push))
+    expected = np.broadcast_to(exact[:, None], result.axial_displacement_on_axis.shape)
+    np.testing.assert_allclose(result.axial_displacement_on_axis, expected, rtol=1e-9)
+    np.testing.assert_allclose(result.velocity[..., 1], 30.0 * push, rtol=1e-9)
+
+
+def test_energy_is_conserved_without_damping():
+    mesh = small_mesh()
+    material = dataclasses.replace(uneven_material(mesh), branch_shear_moduli=jnp.zeros((2, 12, 15)))
+    result = run(material, PushSettings(5e-5, 20, 1.0, spectral_radius=1.0))
+    force = load(mesh, mesh.element_values(small_force(mesh)), mesh.element_values(0.0 * small_force(mesh)))
+    work = jnp.sum(force.transpose(1, 0, 2) * result.displacement)
+    stored = strain_energy(mesh, material.relaxed_shear_modulus, material.bulk_modulus, result.displacement)
+    moving = kinetic_energy(mesh, material.density, result.velocity)
+    assert min(float(stored), float(moving)) > 0.01 * float(work)
+    np.testing.assert_allclose(stored + moving, work, rtol=1e-11)
+
+
+def test_viscosity_only_takes_energy():
+    mesh = small_mesh()
+    material = uneven_material(mesh)
+    result = run(material, PushSettings(5e-5, 20, 1.0, spectral_radius=1.0))
+    force = load(mesh, mesh.element_values(small_force(mesh)), mesh.element_values(0.0 * small_force(mesh)))
+    work = jnp.sum(force.transpose(1, 0, 2) * result.displacement)
+    stored = strain_energy(mesh, material.relaxed_shear_modulus, material.bulk_modulus, result.displacement)
+    assert stored + kinetic_energy(mesh, material.density, result.velocity) < 0.99 * work
+
+
+def test_reciprocity():
+    mesh, material = small_mesh(), uneven_material(small_mesh())
+    here, there = small_force(mesh), gaussian_force(mesh, 2e4, 2e-3, 1e-3, centre=5e-4)
+    first = run(material, axial_force=here, radial_force=0.3 * there)
+    second = run(material, axial_force=0.5 * there, radial_force=there)
+    load_first = load(mesh, mesh.element_values(here), mesh.element_values(0.3 * there)).transpose(1, 0, 2)
+    load_second = load(mesh, mesh.element_values(0.5 * there), mesh.element_values(there)).transpose(1, 0, 2)
+    np.testing.assert_allclose(
+        jnp.sum(load_second * first.displacement), jnp.sum(load_first * second.displacement), rtol=1e-10
+    )
+
+
+def test_no_force_no_motion():
+    mesh = small_mesh()
+    result = run(uneven_material(mesh), axial_force=np.zeros((12, 15)))
+    assert float(jnp.max(jnp.abs(result.displacement))) == 0.0
+
+
+def test_limits_of_the_relaxation_time():
+    mesh = small_mesh()
+    material = uneven_material(mesh, n_branches=1)
+    slow = dataclasses.replace(material, relaxation_times=jnp.full((1, 12, 15), 1e6))
+    fast = dataclasses.replace(material, relaxation_times=jnp.full((1, 12, 15), 1e-12))
+    no_branch = dataclasses.replace(
+        material, branch_shear_moduli=jnp.zeros((0, 12, 15)), relaxation_times=jnp.zeros((0, 12, 15))
+    )
+    stiff = dataclasses.replace(
+        no_branch, relaxed_shear_modulus=material.relaxed_shear_modulus + material.branch_shear_moduli[0]
+    )
+    for limit, elastic in ((slow, stiff), (fast, no_branch)):
+        ours, expected = run(limit).displacement, run(elastic).displacement
+        np.testing.assert_allclose(ours, expected, rtol=0.0, atol=1e-7 * float(jnp.max(jnp.abs(expected))))
+    assert float(jnp.max(jnp.abs(run(slow).displacement - run(fast).displacement))) > 1e-8
+
+
+def test_regular_on_the_axis():
+    reference = Reference("elastic")
+    mesh = reference_mesh(0.3e-3, 1.5e-3)
+    result = reference.solve(mesh, time_step=5e-5, end=5e-4)
+    assert np.all(np.isfinite(result.displacement)) and np.all(np.asarray(result.displacement)[0, :, 0] == 0.0)
+    middle = len(mesh.node_z) // 2
+    start, half, whole = np.asarray(result.displacement)[:3, middle, 1]
+    slope = (4.0 * half - whole - 3.0 * start) / mesh.r_edges[1]
+    assert abs(slope) < 0.02 * start / reference.constants["a"]
+
+
+def test_points_and_focus_interpolate_the_same_field():
+    mesh = small_mesh()
+    points = np.array([[0.0, -3.1e-4], [7e-4, 1e-3], [0.0, 2.2e-3]])
+    force = small_force(mesh)
+    result = jax.jit(lambda m: solve_push(mesh, m, force, settings=SMALL, points=points))(uneven_material(mesh))
+    np.testing.assert_allclose(result.at_focus(-3.1e-4), result.displacement_at_points[:, 0, 1], rtol=1e-13)
+    np.testing.assert_allclose(result.displacement_at_points[-1, 1], result.displacement[2, 8], rtol=1e-13)
+    np.testing.assert_allclose(result.axial_displacement_on_axis[-1], result.displacement[0, :, 1], rtol=1e-13)
+    assert result.time[0] == 0.0 and float(jnp.max(jnp.abs(result.displacement_at_points[0]))) == 0.0
+
+
+def test_gradient_of_the_displacement_at_the_focus():
+    mesh = small_mesh()
+    settings = PushSettings(time_step=1e-4, n_steps=6, push_duration=5e-4)
+    start = {"material": uneven_material(mesh), "axial_force": jnp.asarray(small_force(mesh))}
+
+    def displacement(x):
+        return 1e6 * solve_push(mesh, x["material"], x["axial_force"], settings=settings).at_focus(-2e-4)[5]
+
+    assert_gradient(displacement, start, step=1e-3)
+    # One field at a time, since the largest derivative would hide an error of the others.
+    value = jax.jit(displacement)  # the same compiled function as inside `assert_gradient`
+    gradient = jax.grad(value)(start)
+    leaves, structure = jax.tree.flatten(start)
+    for i, (leaf, slope) in enumerate(zip(leaves, jax.tree.leaves(gradient), strict=True)):
+        direction = leaf * jnp.asarray(np.random.default_rng(i).uniform(0.5, 1.0, leaf.shape))
+
+        def along(length: float, i: int = i, direction: jnp.ndarray = direction) -> float:
+            return float(
+                displacement(structure.unflatten([*leaves[:i], leaves[i] + length * direction, *leaves[i + 1 :]]))
+            )
+
+        step = 3e-3
+        central = (8.0 * (along(step) - along(-step)) - (along(2.0 * step) - along(-2.0 * step))) / (12.0 * step)
+        np.testing.assert_allclose(jnp.sum(slope * direction), central, rtol=1e-6)
+
+
+def test_a_batch_of_materials_equals_a_loop():
+    mesh = small_mesh()
+    materials = [uneven_material(mesh, bulk_modulus=bulk) for bulk in (1e5, 5e5, 2e6)]
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *materials)
+    batch = jax.jit(jax.vmap(lambda m: solve_push(mesh, m, small_force(mesh), settings=SMALL).displacement))(stacked)
+    for ours, material in zip(batch, materials, strict=True):
+        expected = run(material).displacement
+        np.testing.assert_allclose(ours, expected, rtol=0.0, atol=1e-10 * float(jnp.max(jnp.abs(expected))))
+
+
+def test_nonsense_settings_are_refused():
+    with pytest.raises(ValueError, match="must fall on a step"):
+        PushSettings(time_step=3e-5, n_steps=40, push_duration=5e-4)
+    with pytest.raises(ValueError, match="spectral_radius"):
+        PushSettings(time_step=1e-5, n_steps=4, push_duration=5e-4, spectral_radius=1.5)
+    with pytest.raises(ValueError, match="must be positive"):
+        PushSettings(time_step=0.0, n_steps=4, push_duration=5e-4)
