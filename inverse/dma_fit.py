@@ -1,10 +1,10 @@
 """Fits of the conventional and the fractional Zener solid to dynamic mechanical analysis, one sweep at a time.
 
-All sweeps and all starts of one model and residual run in one compiled batch.
+All sweeps, starts, models and residuals run in one compiled batch.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -197,7 +197,6 @@ def fit_sweeps(
     residuals: Sequence[ModulusResidual] = (LogModulus(), LinearModulus()),
     seed: int = 0,
     n_starts: int = 16,
-    on_batch: Callable[[str], None] = lambda name: None,
 ) -> DmaFit:
     """Fit Zener solids to every sweep that can carry them.
 
@@ -207,7 +206,6 @@ def fit_sweeps(
         residuals: How to compare; each gives its own fits.
         seed: Of the starts.
         n_starts: Starts of each fit.
-        on_batch: Called with a description before each batch of fits, for progress displays.
 
     Returns:
         The fits, by residual, then model, then sweep; and the sweeps that some model could not be fitted to, with the
@@ -216,18 +214,16 @@ def fit_sweeps(
     Raises:
         ValueError: if JAX runs in single precision.
     """
-    if not jax.config.jax_enable_x64:
+    if jnp.result_type(float) != jnp.float64:
         raise ValueError("fits need double precision; call jax.config.update('jax_enable_x64', True) first.")
-    fits: list[SweepFit] = []
     lanes = [
-        (model, sweep)
+        (residual, model, sweep)
+        for residual in residuals
         for model in models
         for sweep in sweeps
         if sweep.data.distinct_frequencies >= len(model.constants())
     ]
-    for residual in residuals if lanes else ():
-        on_batch(residual.name)
-        fits += _fit_batch(lanes, residual, seed, n_starts)
+    fits = _fit_lanes(lanes, tuple(residuals), seed, n_starts) if lanes else []
     return DmaFit(tuple(sweeps), tuple(fits), _unfitted(sweeps, models))
 
 
@@ -237,31 +233,40 @@ def magnitude_only(sweeps: Sequence[Sweep]) -> tuple[Sweep, ...]:
     return tuple(dataclasses.replace(sweep, data=dataclasses.replace(sweep.data, **bare)) for sweep in sweeps)
 
 
-def _fit_batch(
-    lanes: Sequence[tuple[ZenerModel, Sweep]], residual: ModulusResidual, seed: int, n_starts: int
+def _fit_lanes(
+    lanes: Sequence[tuple[ModulusResidual, ZenerModel, Sweep]],
+    residuals: tuple[ModulusResidual, ...],
+    seed: int,
+    n_starts: int,
 ) -> list[SweepFit]:
-    length = max(len(sweep.data) for _, sweep in lanes)
-    observations = [residual.observations(sweep.data, length) for _, sweep in lanes]
-    parameters = [FRACTIONAL.parameters(sweep.data) for _, sweep in lanes]
-    starts = np.stack([FRACTIONAL.starts(sweep.data, n_starts, seed) for _, sweep in lanes])
-    order_is_free = np.array([model.fractional for model, _ in lanes])
-    solved = _solve(residual, _stack(observations), _stack(parameters), order_is_free, starts)
+    length = max(len(sweep.data) for _, _, sweep in lanes)
+    observations = [residual.observations(sweep.data, length) for residual, _, sweep in lanes]
+    parameters = [FRACTIONAL.parameters(sweep.data) for _, _, sweep in lanes]
+    starts = np.stack([FRACTIONAL.starts(sweep.data, n_starts, seed) for _, _, sweep in lanes])
+    which = np.array([residuals.index(residual) for residual, _, _ in lanes])
+    order_is_free = np.array([model.fractional for _, model, _ in lanes])
+    solved = _solve(residuals, which, order_is_free, _stack(observations), _stack(parameters), starts)
     solved = jax.tree.map(np.asarray, solved)
     rows = [jax.tree.map(lambda leaf, row=row: leaf[row], solved) for row in range(len(lanes))]
     return [
-        _summarise(model, sweep, residual, *given, *row)
-        for (model, sweep), given, row in zip(lanes, zip(observations, parameters, strict=True), rows, strict=True)
+        _summarise(*lane, *given, *row)
+        for lane, given, row in zip(lanes, zip(observations, parameters, strict=True), rows, strict=True)
     ]
 
 
 @eqx.filter_jit
-def _solve(residual: ModulusResidual, observations, parameters, order_is_free, starts):
-    """Best fit of every lane with its Jacobian in the reported constants; a held order is 1 and has no effect."""
+def _solve(residuals: tuple[ModulusResidual, ...], which, order_is_free, observations, parameters, starts):
+    """Best fit of every lane with its Jacobian in the reported constants.
 
-    def one(observations: Observations, parameters: tuple[Parameter, ...], free, starts):
+    A lane picks its residual by index, and a held order is 1 and has no effect, so that one program serves them all:
+    compiling it takes far longer than running it.
+    """
+
+    def one(which, free, observations: Observations, parameters: tuple[Parameter, ...], starts):
         def of_constants(constants):
             held = constants.at[3].set(jnp.where(free, constants[3], 1.0))
-            return residual(complex_modulus(FRACTIONAL.solid(held), observations.angular_frequency), observations)
+            modulus = complex_modulus(FRACTIONAL.solid(held), observations.angular_frequency)
+            return jnp.stack([residual(modulus, observations) for residual in residuals])[which]
 
         def constants_at(unconstrained):
             return FRACTIONAL.reported(constrain(parameters, unconstrained))
@@ -270,7 +275,7 @@ def _solve(residual: ModulusResidual, observations, parameters, order_is_free, s
         constants = constants_at(result.solutions[result.best])
         return result, constants, of_constants(constants), jax.jacfwd(of_constants)(constants)
 
-    return eqx.filter_vmap(one)(observations, parameters, order_is_free, starts)
+    return eqx.filter_vmap(one)(which, order_is_free, observations, parameters, starts)
 
 
 def _stack(trees: Sequence):
@@ -278,9 +283,9 @@ def _stack(trees: Sequence):
 
 
 def _summarise(
+    residual: ModulusResidual,
     model: ZenerModel,
     sweep: Sweep,
-    residual: ModulusResidual,
     observations: Observations,
     parameters: tuple[Parameter, ...],
     result: MultiStart,
@@ -295,7 +300,7 @@ def _summarise(
         residuals[used],
         values,
         _as_reported(model, parameters),
-        ends=_ends(parameters, result.solutions[int(result.best)][:count]),
+        ends=_ends(parameters, np.asarray(result.solutions)[int(result.best), :count]),
         in_standard_deviations=residual.standard_deviations(sweep.data) is not None,
     )
     fitted = np.asarray(complex_modulus(model.solid(jnp.asarray(values)), 2.0 * np.pi * sweep.data.frequency_hz))

@@ -69,7 +69,7 @@ class ModulusResidual(eqx.Module):
 
     def __call__(self, modulus: Complex[Array, " points"], data: Observations) -> Float[Array, " residuals"]:
         """Weighted differences, model minus measurement."""
-        return (data.weights * (self.coordinates(modulus, data.has_phase) - data.observed)).ravel()
+        return jnp.ravel(data.weights * (self.coordinates(modulus, data.has_phase) - data.observed))
 
 
 class LogModulus(ModulusResidual):

@@ -291,7 +291,7 @@ def _check_magnitudes(columns: Columns) -> None:
         if name not in columns.numbers:
             continue
         highest = float(np.max(columns.numbers[name]))
-        in_pascal = columns.found[name].unit is None or columns.found[name].unit.lower() == "pa"
+        in_pascal = (columns.found[name].unit or "pa").lower() == "pa"
         if highest < SOFTEST_PLAUSIBLE and in_pascal:
             table.refuse(
                 f"no value is above {highest:g} Pa, which looks like kPa or MPa; name the unit in the header "
