@@ -107,11 +107,7 @@ def multi_start(
         finite = jnp.isfinite(cost)
         ended = jnp.where(solution.result == optx.RESULTS.nonlinear_max_steps_reached, 1, 3)
         status = jnp.where(solution.result == optx.RESULTS.successful, 0, ended)
-        return MultiStart(
-            solution.value,
-            jnp.where(finite, cost, jnp.inf),
-            jnp.where(finite, status, 2),
-            jnp.asarray(solution.stats["num_steps"]),
-        )
+        steps = jnp.asarray(solution.stats["num_steps"])
+        return solution.value, jnp.where(finite, cost, jnp.inf), jnp.where(finite, status, 2), steps
 
-    return jax.vmap(solve)(jnp.asarray(starts))
+    return MultiStart(*jax.vmap(solve)(jnp.asarray(starts)))
