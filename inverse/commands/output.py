@@ -1,0 +1,103 @@
+"""Where a command's results go: all of them or none, with a summary that says how they came about."""
+
+import contextlib
+import hashlib
+import json
+import math
+import os
+import platform
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import jax
+
+import arfjax
+from arfjax.errors import InputError
+
+
+@contextlib.contextmanager
+def output_directory(out: Path) -> Iterator[Path]:
+    """A temporary folder beside `out` whose files are moved into `out` once the block ends without an error.
+
+    On an error, or when interrupted, nothing is left behind, and results of an earlier run in `out` stay as they were.
+    Files of other names in `out` are never touched.
+
+    Raises:
+        InputError: if `out` is a file or cannot be written to.
+    """
+    out = Path(out).absolute()
+    existing = next(parent for parent in (out, *out.parents) if parent.exists())
+    if not existing.is_dir():
+        raise InputError(f"{existing}: is a file, not a folder; give --out a folder.")
+    try:
+        temporary = Path(tempfile.mkdtemp(prefix=".arfjax-partial-", dir=existing if existing != out else out.parent))
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written to ({error.strerror}); give --out another folder.") from None
+    try:
+        yield temporary
+        _move(temporary, out)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _move(source: Path, target: Path) -> None:
+    target.mkdir(parents=True, exist_ok=True)
+    for path in sorted(source.iterdir()):
+        if path.is_dir():
+            _move(path, target / path.name)
+        else:
+            os.replace(path, target / path.name)
+
+
+def write_summary(
+    folder: Path,
+    *,
+    command: str,
+    inputs: Mapping[str, Path],
+    settings: Mapping[str, Any],
+    results: Mapping[str, Any],
+    seed: int | None = None,
+) -> None:
+    """Write summary.json: results with units, settings, seed, inputs with their SHA-256, versions of the software.
+
+    Numbers that are not finite become null, since JSON has no word for them.
+    """
+    summary = {
+        "command": command,
+        "inputs": {name: {"path": str(path), "sha256": sha256(path)} for name, path in inputs.items()},
+        "settings": dict(settings),
+        "seed": seed,
+        "versions": versions(),
+        "results": dict(results),
+    }
+    text = json.dumps(_finite(summary), indent=2, ensure_ascii=False, allow_nan=False)
+    (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+
+
+def quantity(value: float, unit: str, standard_error: float | None = None) -> dict[str, Any]:
+    """A number with its unit, and its standard error if there is one, as summaries hold it."""
+    stated = {"value": value, "unit": unit}
+    return stated if standard_error is None else {**stated, "standard_error": standard_error}
+
+
+def versions() -> dict[str, str]:
+    """Versions of this package, JAX and Python."""
+    return {"arfjax": arfjax.__version__, "jax": jax.__version__, "python": platform.python_version()}
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file's bytes."""
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value

@@ -1,0 +1,324 @@
+"""Dynamic mechanical analysis: modulus over frequency and temperature, read from CSV and grouped into sweeps."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from arfjax.units import MODULUS_IN_PASCAL
+from inverse.datasets.table import TEMPERATURE_UNITS, TIME_UNITS, Columns, Quantity, read_columns
+
+SOFTEST_PLAUSIBLE = 500.0
+"""Modulus [Pa] below which all values of a file in "Pa" are taken for another unit."""
+STIFFEST_PLAUSIBLE = 1.2e12
+"""Young's modulus of diamond [Pa]; nothing measured by dynamic mechanical analysis is stiffer."""
+HOTTEST_START = 200.0
+"""Lowest temperature [degC] of a file above which its temperatures are taken for kelvin."""
+SWEEP_GAP = 1.0
+"""Gap between sorted temperatures [K] that starts a new sweep."""
+
+_PASCAL = MODULUS_IN_PASCAL
+
+
+def _aliases(names: str) -> frozenset[str]:
+    return frozenset(names.split())
+
+
+_STORAGE = _aliases("storagemodulus storage estorage gstorage estor gstor mstor e' g' m' ep gp eprime gprime")
+_LOSS = _aliases("lossmodulus loss eloss gloss mloss e'' g'' m'' epp gpp edoubleprime gdoubleprime")
+_MAGNITUDE = _aliases(
+    "modulusmagnitude magnitude dynamicmodulus complexmodulus modulus absmodulus e* g* m* |e*| |g*| |m*| |e| |g| |m|"
+)
+
+
+def _spread(aliases: frozenset[str]) -> frozenset[str]:
+    return frozenset(name + ending for name in aliases for ending in ("sd", "std", "stdev"))
+
+
+_VOCABULARY = (
+    Quantity(
+        "frequency",
+        "frequency_hz",
+        _aliases("frequency freq"),
+        {"hz": 1.0, "khz": 1e3, "1/s": 1.0, "rad/s": 0.5 / math.pi},
+        exact=frozenset({"f"}),
+    ),
+    Quantity(
+        "angular_frequency", "omega_rad_s", _aliases("omega angularfrequency angfreq"), {"rad/s": 1.0, "1/s": 1.0}
+    ),
+    Quantity("temperature", "temperature_c", _aliases("temperature temp"), TEMPERATURE_UNITS, exact=frozenset({"T"})),
+    Quantity("storage_modulus", "storage_modulus_pa", _STORAGE, _PASCAL),
+    Quantity("loss_modulus", "loss_modulus_pa", _LOSS, _PASCAL),
+    Quantity("modulus_magnitude", "modulus_magnitude_pa", _MAGNITUDE, _PASCAL),
+    Quantity("storage_modulus_sd", "storage_modulus_sd_pa", _spread(_STORAGE), _PASCAL),
+    Quantity("loss_modulus_sd", "loss_modulus_sd_pa", _spread(_LOSS), _PASCAL),
+    Quantity("modulus_magnitude_sd", "modulus_magnitude_sd_pa", _spread(_MAGNITUDE), _PASCAL),
+    Quantity("sample", "sample", _aliases("sample specimen sampleid specimenid"), text=True),
+    Quantity("time", "time_s", _aliases("time"), TIME_UNITS, exact=frozenset({"t"})),
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class DmaData:
+    """Measured modulus, one entry a row.
+
+    Attributes:
+        frequency_hz: [Hz].
+        temperature_c: [degC].
+        modulus_magnitude: [Pa].
+        storage_modulus: [Pa]; None where only the magnitude was measured.
+        loss_modulus: [Pa]; None where only the magnitude was measured.
+        storage_modulus_sd: Standard deviation [Pa], or None.
+        loss_modulus_sd: Standard deviation [Pa], or None.
+        modulus_magnitude_sd: Standard deviation [Pa], or None.
+        time_s: [s], or None.
+        sample: Label of the sample; empty where the file names none.
+        ignored_columns: Headers of the file that were not used.
+    """
+
+    frequency_hz: Float[np.ndarray, " n"]
+    temperature_c: Float[np.ndarray, " n"]
+    modulus_magnitude: Float[np.ndarray, " n"]
+    storage_modulus: Float[np.ndarray, " n"] | None = None
+    loss_modulus: Float[np.ndarray, " n"] | None = None
+    storage_modulus_sd: Float[np.ndarray, " n"] | None = None
+    loss_modulus_sd: Float[np.ndarray, " n"] | None = None
+    modulus_magnitude_sd: Float[np.ndarray, " n"] | None = None
+    time_s: Float[np.ndarray, " n"] | None = None
+    sample: tuple[str, ...] = ()
+    ignored_columns: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.frequency_hz)
+
+    @property
+    def has_phase(self) -> bool:
+        """Whether storage and loss modulus are known, not just the magnitude."""
+        return self.storage_modulus is not None and self.loss_modulus is not None
+
+    @property
+    def distinct_frequencies(self) -> int:
+        """Number of frequencies that differ by more than a thousandth."""
+        ordered = np.sort(np.log(self.frequency_hz))
+        return int(1 + np.sum(np.diff(ordered) > 1e-3))
+
+    def select(self, rows: Int[np.ndarray, " m"] | Bool[np.ndarray, " n"]) -> "DmaData":
+        """Some of the rows."""
+        chosen = {
+            field.name: getattr(self, field.name)[rows]
+            for field in dataclasses.fields(self)
+            if isinstance(getattr(self, field.name), np.ndarray)
+        }
+        labels = tuple(np.asarray(self.sample, dtype=object)[rows]) if self.sample else ()
+        return dataclasses.replace(self, sample=labels, **chosen)
+
+
+@dataclasses.dataclass(frozen=True)
+class Sweep:
+    """The rows of one sample at one temperature.
+
+    Attributes:
+        sample: Its label; empty where the file names none.
+        temperature_c: Mean temperature [degC].
+        data: The rows, by ascending frequency.
+    """
+
+    sample: str
+    temperature_c: float
+    data: DmaData
+
+    @property
+    def label(self) -> str:
+        """Sample and temperature in words."""
+        place = f"{round(self.temperature_c, 1) + 0.0:.1f} degC"
+        return f"{self.sample}, {place}" if self.sample else place
+
+
+def dma_data(
+    frequency_hz: Float[np.ndarray, " n"],
+    temperature_c: Float[np.ndarray, " n"],
+    modulus: Float[np.ndarray, " n"] | Float[np.ndarray, "n 2"],
+) -> DmaData:
+    """Data from arrays: magnitudes [Pa], or storage and loss modulus [Pa] as two columns."""
+    if modulus.ndim == 1:
+        return DmaData(frequency_hz, temperature_c, modulus)
+    storage, loss = modulus.T
+    return DmaData(frequency_hz, temperature_c, np.hypot(storage, loss), storage, loss)
+
+
+def read_dma(path: Path | str, *, trust_units: bool = False) -> DmaData:
+    """Read a measurement file.
+
+    Columns: `frequency_hz`, `temperature_c`, `storage_modulus_pa` and `loss_modulus_pa` (or `modulus_magnitude_pa`),
+    optional `storage_modulus_sd_pa`, `loss_modulus_sd_pa`, `modulus_magnitude_sd_pa`, `sample`, `time_s`. Other usual
+    headers and units are recognised ("Frequency (Hz)", omega_rad_s, "E' (MPa)", temp_C, ...), as is a row of units.
+
+    Args:
+        path: CSV file, separated by commas, semicolons or tabs; `#` starts a comment line.
+        trust_units: Believe the file's units even where the numbers look like other units.
+
+    Returns:
+        The rows in SI units and degC, in the file's order.
+
+    Raises:
+        InputError: in one line, with file, row and column, if anything in the file cannot be used.
+    """
+    columns = read_columns(Path(path), _VOCABULARY, required=("temperature",))
+    numbers, table = columns.numbers, columns.table
+    frequency = _frequency(columns)
+    storage, loss, magnitude = _moduli(columns)
+    if len(table.rows) < 2:
+        table.refuse("there is only one row; expected a measurement at two frequencies or more.")
+    _check_signs(columns)
+    if not trust_units:
+        _check_magnitudes(columns)
+    data = DmaData(
+        frequency_hz=frequency,
+        temperature_c=numbers["temperature"],
+        modulus_magnitude=magnitude,
+        storage_modulus=storage,
+        loss_modulus=loss,
+        storage_modulus_sd=numbers.get("storage_modulus_sd"),
+        loss_modulus_sd=numbers.get("loss_modulus_sd"),
+        modulus_magnitude_sd=numbers.get("modulus_magnitude_sd"),
+        time_s=numbers.get("time"),
+        sample=columns.labels.get("sample", ()),
+        ignored_columns=columns.ignored,
+    )
+    _check_time(columns, data)
+    return data
+
+
+def group_sweeps(data: DmaData) -> tuple[Sweep, ...]:
+    """Group rows by sample and temperature; a gap above 1 K between sorted temperatures starts a new sweep.
+
+    Returns:
+        Sweeps by sample in the order of the file, then by ascending temperature.
+    """
+    labels = data.sample or ("",) * len(data)
+    sweeps = []
+    for sample in dict.fromkeys(labels):
+        rows = np.flatnonzero([label == sample for label in labels])
+        rows = rows[np.argsort(data.temperature_c[rows], kind="stable")]
+        breaks = np.flatnonzero(np.diff(data.temperature_c[rows]) > SWEEP_GAP) + 1
+        for group in np.split(rows, breaks):
+            ordered = group[np.argsort(data.frequency_hz[group], kind="stable")]
+            sweeps.append(Sweep(sample, float(np.mean(data.temperature_c[group])), data.select(ordered)))
+    return tuple(sweeps)
+
+
+def _frequency(columns: Columns) -> Float[np.ndarray, " n"]:
+    for name, factor in (("frequency", 1.0), ("angular_frequency", 0.5 / math.pi)):
+        if name not in columns.numbers:
+            continue
+        values = columns.numbers[name] * factor
+        if np.any(values <= 0.0):
+            row = int(np.argmax(values <= 0.0))
+            shown = columns.table.rows[row][columns.found[name].index]
+            columns.table.refuse(
+                f"frequency {shown} is not positive; remove the row.", row=row, column=columns.header(name)
+            )
+        return values
+    found = ", ".join(repr(header) for header in columns.table.header)
+    columns.table.refuse(
+        f"no column for frequency; expected a header such as 'frequency_hz' or 'omega_rad_s', found {found}."
+    )
+
+
+def _moduli(columns: Columns):
+    """Storage and loss modulus (None without both) and magnitude."""
+    numbers, table = columns.numbers, columns.table
+    pair = [name for name in ("storage_modulus", "loss_modulus") if name in numbers]
+    if len(pair) == 1 and "modulus_magnitude" not in numbers:
+        other = "loss_modulus" if pair == ["storage_modulus"] else "storage_modulus"
+        table.refuse(
+            f"no column for {other.replace('_', ' ')} beside '{columns.header(pair[0])}'; "
+            f"expected '{other}_pa', or 'modulus_magnitude_pa' alone."
+        )
+    if not pair and "modulus_magnitude" not in numbers:
+        found = ", ".join(repr(header) for header in table.header)
+        table.refuse(
+            f"no column for the modulus; expected 'storage_modulus_pa' and 'loss_modulus_pa', or "
+            f"'modulus_magnitude_pa', found {found}."
+        )
+    for name in ("storage_modulus_sd", "loss_modulus_sd"):
+        if name in numbers and not {"storage_modulus_sd", "loss_modulus_sd"} <= numbers.keys():
+            table.refuse(
+                "standard deviations of storage and loss modulus go together; add the other one or remove this one.",
+                column=columns.header(name),
+            )
+    if len(pair) == 2:
+        storage, loss = numbers["storage_modulus"], numbers["loss_modulus"]
+        return storage, loss, np.hypot(storage, loss)
+    return None, None, numbers["modulus_magnitude"]
+
+
+def _check_signs(columns: Columns) -> None:
+    """Moduli are not negative, standard deviations and magnitudes positive, temperatures above absolute zero."""
+    for name, values in columns.numbers.items():
+        if "modulus" in name:
+            strict = name.endswith("_sd") or name != "loss_modulus"
+            bad = values <= 0.0 if strict else values < 0.0
+            expected = "positive" if strict else "zero or positive"
+        elif name == "temperature":
+            bad, expected = values < -273.15, "above absolute zero, -273.15 degC"
+        else:
+            continue
+        if np.any(bad):
+            row = int(np.argmax(bad))
+            shown = columns.table.rows[row][columns.found[name].index]
+            columns.table.refuse(
+                f"{name.replace('_', ' ')} {shown} must be {expected}; remove or correct the row.",
+                row=row,
+                column=columns.header(name),
+            )
+
+
+def _check_magnitudes(columns: Columns) -> None:
+    """Refuse numbers that look like kelvin, kPa or MPa under headers that say otherwise."""
+    table = columns.table
+    lowest = float(np.min(columns.numbers["temperature"]))
+    if lowest > HOTTEST_START:
+        table.refuse(
+            f"the lowest temperature is {lowest:g} degC, which looks like kelvin; rename the column "
+            f"'temperature_k', or trust the file's units (--trust-units).",
+            column=columns.header("temperature"),
+        )
+    for name in ("storage_modulus", "modulus_magnitude"):
+        if name not in columns.numbers:
+            continue
+        highest = float(np.max(columns.numbers[name]))
+        in_pascal = (columns.found[name].unit or "pa").lower() == "pa"
+        if highest < SOFTEST_PLAUSIBLE and in_pascal:
+            table.refuse(
+                f"no value is above {highest:g} Pa, which looks like kPa or MPa; name the unit in the header "
+                f"('{name}_kpa'), or trust the file's units (--trust-units).",
+                column=columns.header(name),
+            )
+        if highest > STIFFEST_PLAUSIBLE:
+            table.refuse(
+                f"{highest:.3g} Pa is stiffer than diamond; correct the unit in the header, or trust the file's "
+                f"units (--trust-units).",
+                column=columns.header(name),
+            )
+
+
+def _check_time(columns: Columns, data: DmaData) -> None:
+    """Time runs forward within each sample."""
+    if data.time_s is None:
+        return
+    labels = data.sample or ("",) * len(data)
+    for sample in dict.fromkeys(labels):
+        rows = np.flatnonzero([label == sample for label in labels])
+        backward = np.flatnonzero(np.diff(data.time_s[rows]) < 0.0)
+        if backward.size:
+            row = int(rows[backward[0] + 1])
+            columns.table.refuse(
+                f"time {columns.table.rows[row][columns.found['time'].index]} is earlier than in the row before; "
+                f"sort the rows by time.",
+                row=row,
+                column=columns.header("time"),
+            )

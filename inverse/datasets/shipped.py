@@ -1,0 +1,27 @@
+"""Real measurements that come with the package, each in a folder with its licence and its source."""
+
+from importlib import resources
+from pathlib import Path
+
+from arfjax.errors import InputError
+
+_FILES = {
+    "pyvisco_polymer": "freq_user_raw.csv",
+    "nist_foam": "vn01_foam_10_rad_s.csv",
+}
+
+
+def shipped_names() -> tuple[str, ...]:
+    """Names that `shipped` knows."""
+    return tuple(_FILES)
+
+
+def shipped(name: str) -> Path:
+    """Path of a shipped CSV file; SOURCE.md and LICENSE.txt lie beside it.
+
+    Raises:
+        InputError: if there is no set of that name.
+    """
+    if name not in _FILES:
+        raise InputError(f"no shipped data set is called '{name}'; there are {', '.join(_FILES)}.")
+    return Path(str(resources.files("inverse.datasets").joinpath("data", name, _FILES[name])))

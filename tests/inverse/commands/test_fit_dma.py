@@ -1,0 +1,95 @@
+"""The fit-dma command as a function: files, their content, and nothing on failure."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from arfjax.errors import InputError
+from arfjax.mechanics.complex_modulus import complex_modulus
+from arfjax.media import FractionalZener
+from inverse.commands.fit_dma import ModelChoice, ResidualChoice, fit_dma
+from inverse.datasets.dma import group_sweeps, read_dma
+from inverse.datasets.shipped import shipped
+from inverse.dma_fit import fit_sweeps, magnitude_only
+from inverse.dma_residuals import LogModulus
+from inverse.figures import dma_figure
+
+TRUTHS = {21.0: FractionalZener(855.2, 3.0e3, 1.23e-2, 0.4), 50.0: FractionalZener(1.0e3, 2.0e4, 8.0e-3, 0.35)}
+
+
+@pytest.fixture
+def measured(tmp_path):
+    frequency = np.geomspace(0.1, 100.0, 12)
+    path = tmp_path / "sweeps.csv"
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["frequency_hz", "temperature_c", "storage_modulus_pa", "loss_modulus_pa"])
+        for temperature, solid in TRUTHS.items():
+            for f, modulus in zip(frequency, np.asarray(complex_modulus(solid, 2 * np.pi * frequency)), strict=True):
+                writer.writerow([repr(float(v)) for v in (f, temperature, modulus.real, modulus.imag)])
+        writer.writerow([1.0, 80.0, 5000.0, 500.0])
+    return path
+
+
+def test_everything_is_written(measured, tmp_path, capsys):
+    out = tmp_path / "out"
+    fit_dma(measured, out, residuals=ResidualChoice.BOTH, starts=6, seed=2)
+    names = {path.name for path in out.iterdir()}
+    figures = {f"fit_{kind}.{ending}" for kind in ("log", "linear") for ending in ("png", "pdf")}
+    assert names == figures | {"parameters.csv", "fit.nc", "summary.json", "report.md"}
+    rows = list(csv.DictReader((out / "parameters.csv").read_text().splitlines()))
+    assert len(rows) == 2 * 2 * (3 + 4)
+    taus = [
+        row
+        for row in rows
+        if row["parameter"] == "relaxation_time" and row["model"] == "fractional" and row["unit"] == "s"
+    ]
+    np.testing.assert_allclose([float(row["estimate"]) for row in taus], [1.23e-2, 8.0e-3] * 2, rtol=1e-6)
+    with xr.open_dataset(out / "fit.nc", engine="h5netcdf") as dataset:
+        assert dataset["fractional_relaxation_time"].attrs["units"] == "s"
+        difference = dataset["fractional_storage_modulus"] - dataset["measured_storage_modulus"]
+        assert float(np.abs(difference).max()) < 1e-2 and dataset["temperature"].size == 3
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["seed"] == 2 and len(summary["results"]["fits"]) == 8
+    assert summary["results"]["not_fitted"][0]["temperature"] == {"value": 80.0, "unit": "degC"}
+    assert "80.0 degC" in (out / "report.md").read_text()
+    assert "8 fits, 0 did not converge" in capsys.readouterr().out
+
+
+def test_one_model_one_residual_magnitude(measured, tmp_path):
+    out = tmp_path / "out"
+    fit_dma(measured, out, model=ModelChoice.ZENER, residuals=ResidualChoice.LOG, magnitude=True, starts=4)
+    assert len(list(csv.DictReader((out / "parameters.csv").read_text().splitlines()))) == 2 * 3
+    assert not (out / "fit_linear.png").exists()
+
+
+def test_bad_input_leaves_nothing(tmp_path):
+    bad = tmp_path / "bad.csv"
+    bad.write_text("frequency_hz,temperature_c\n")
+    with pytest.raises(InputError):
+        fit_dma(bad, tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.csv"]
+
+
+def test_single_frequency_is_reported(tmp_path):
+    fit_dma(shipped("nist_foam"), tmp_path / "out")
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert "one frequency cannot fix" in report and "Mean: storage" in report
+    assert not list((tmp_path / "out").glob("*.png"))
+
+
+def test_figure_shows_measurements_and_both_models():
+    sweeps = group_sweeps(read_dma(shipped("pyvisco_polymer")))[::7]
+    fit = fit_sweeps(magnitude_only(sweeps), residuals=(LogModulus(),), n_starts=4)
+    figure = dma_figure(fit, LogModulus())
+    upper, lower = figure.axes
+    assert upper.get_ylabel() == "Modulus magnitude $|M|$ [GPa]" and lower.get_xlabel() == "Frequency [Hz]"
+    measured = [line for line in upper.lines if line.get_marker() == "o"]
+    np.testing.assert_allclose(measured[0].get_ydata(), sweeps[0].data.modulus_magnitude / 1e9)
+    assert len(upper.lines) == len(sweeps) * 3
+    solid = [line for line in lower.lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 2]
+    expected = np.abs(fit.fits[-1].modulus(sweeps[-1].data.frequency_hz)) / sweeps[-1].data.modulus_magnitude - 1.0
+    np.testing.assert_allclose(solid[-1].get_ydata(), 100.0 * expected)

@@ -1,0 +1,53 @@
+"""Results appear whole or not at all, and the summary says how they came about."""
+
+import hashlib
+import json
+
+import pytest
+
+from arfjax.errors import InputError
+from inverse.commands.output import output_directory, quantity, write_summary
+
+
+def test_results_appear_at_the_end_and_join_what_is_there(tmp_path):
+    out = tmp_path / "deep" / "out"
+    for content in ("first", "second"):
+        with output_directory(out) as folder:
+            (folder / "a.txt").write_text(content)
+            (folder / "figures").mkdir()
+            (folder / "figures" / "b.txt").write_text(content)
+        (out / "mine.txt").write_text("kept")
+    assert (out / "a.txt").read_text() == (out / "figures" / "b.txt").read_text() == "second"
+    assert (out / "mine.txt").read_text() == "kept"
+    assert [path.name for path in tmp_path.iterdir()] == ["deep"]
+    assert [path.name for path in out.parent.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_failure_leaves_nothing_and_keeps_what_was_there(tmp_path, error):
+    fresh, old = tmp_path / "deep" / "fresh", tmp_path / "old"
+    old.mkdir()
+    (old / "a.txt").write_text("earlier")
+    for out in (fresh, old):
+        with pytest.raises(error), output_directory(out) as folder:
+            (folder / "a.txt").write_text("half")
+            raise error
+    assert [path.name for path in tmp_path.iterdir()] == ["old"]
+    assert [path.read_text() for path in old.iterdir()] == ["earlier"]
+
+
+def test_a_file_is_no_folder(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="is a file, not a folder"), output_directory(tmp_path / "file" / "out"):
+        pass
+
+
+def test_summary(tmp_path):
+    data = tmp_path / "data.csv"
+    data.write_text("a,b\n")
+    results = {"tau": quantity(0.5, "s", float("inf")), "many": [1.0, float("nan")]}
+    write_summary(tmp_path, command="test", inputs={"data": data}, seed=3, settings={"n": 2}, results=results)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["inputs"]["data"]["sha256"] == hashlib.sha256(b"a,b\n").hexdigest()
+    assert summary["results"] == {"tau": {"value": 0.5, "unit": "s", "standard_error": None}, "many": [1.0, None]}
+    assert summary["seed"] == 3 and set(summary["versions"]) == {"arfjax", "jax", "python"}

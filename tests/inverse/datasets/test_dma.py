@@ -1,0 +1,158 @@
+"""Reading DMA files: headers and units that are understood, and files that are refused in one clear line."""
+
+import numpy as np
+import pytest
+
+from arfjax.errors import InputError
+from inverse.datasets.dma import DmaData, group_sweeps, read_dma
+from inverse.datasets.shipped import shipped, shipped_names
+
+HEADER = "frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa"
+ROWS = "0.1,37,1200,100\n1,37.2,1500,200\n10,37.1,1900,250\n"
+GOOD = f"{HEADER}\n{ROWS}"
+
+
+def write(tmp_path, text):
+    path = tmp_path / "data.csv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def test_canonical_file(tmp_path):
+    data = read_dma(write(tmp_path, GOOD))
+    np.testing.assert_array_equal(data.frequency_hz, [0.1, 1.0, 10.0])
+    np.testing.assert_array_equal(data.temperature_c, [37.0, 37.2, 37.1])
+    np.testing.assert_array_equal(data.storage_modulus, [1200.0, 1500.0, 1900.0])
+    np.testing.assert_allclose(data.modulus_magnitude, np.hypot([1200, 1500, 1900], [100, 200, 250]))
+    assert data.sample == () and data.ignored_columns == ()
+
+
+@pytest.mark.parametrize(
+    ("header", "cells"),
+    [
+        ("f,T,E_stor,E_loss\nHz,C,MPa,MPa", "1,37,0.0015,0.0002"),
+        ("Frequency (Hz),Temperature (°C),E' (MPa),E'' (MPa)", "1,37,0.0015,0.0002"),
+        ("Frequency [Hz];Temp [°C];G' [kPa];G\" [kPa]", "1;37;1.5;0.2"),
+        ("omega_rad_s\ttemp_C\tEp_MPa\tEpp_MPa", "6.283185307179586\t37\t0.0015\t0.0002"),
+        ("# exported\n\nfreq,temperature_k,storage modulus (Pa),loss modulus (Pa)", "1,310.15,1500,200"),
+        ("frequency (rad/s),temp,E′ MPa,E″ MPa", "6.283185307179586,37,0.0015,0.0002"),
+        ("﻿FREQUENCY_HZ,Temperature_C,Storage_Modulus_GPa,Loss_Modulus_kPa,note", "1,37,1.5e-6,0.2,x"),
+    ],
+)
+def test_other_headers_and_units(tmp_path, header, cells):
+    data = read_dma(write(tmp_path, f"{header}\n{cells}\n{cells}\n"))
+    np.testing.assert_allclose(data.frequency_hz, 1.0)
+    np.testing.assert_allclose(data.temperature_c, 37.0)
+    np.testing.assert_allclose(data.storage_modulus, 1500.0)
+    np.testing.assert_allclose(data.loss_modulus, 200.0)
+
+
+def test_magnitude_deviations_samples_and_time(tmp_path):
+    text = (
+        "time_min,sample,frequency_hz,temperature_c,modulus_magnitude_kpa,modulus_magnitude_sd_pa\n"
+        "0,a,1,37,1.5,20\n1,a,2,37,1.6,30\n0,b,1,37,1.7,40\n"
+    )
+    data = read_dma(write(tmp_path, text))
+    np.testing.assert_allclose(data.modulus_magnitude, [1500.0, 1600.0, 1700.0])
+    np.testing.assert_allclose(data.modulus_magnitude_sd, [20.0, 30.0, 40.0])
+    np.testing.assert_allclose(data.time_s, [0.0, 60.0, 0.0])
+    assert data.sample == ("a", "a", "b") and not data.has_phase
+
+
+def test_deviations_with_the_unit_before_or_behind(tmp_path):
+    header = f"{HEADER},storage_modulus_sd_kpa,loss_modulus_pa_sd"
+    data = read_dma(write(tmp_path, f"{header}\n1,37,1500,200,0.01,5\n2,37,1500,200,0.02,6\n"))
+    np.testing.assert_allclose(data.storage_modulus_sd, [10.0, 20.0])
+    np.testing.assert_allclose(data.loss_modulus_sd, [5.0, 6.0])
+
+
+BAD = {
+    "empty": ("", "holds no data"),
+    "only comments": ("# nothing\n", "holds no data"),
+    "header only": (HEADER + "\n", "no rows"),
+    "no delimiter": ("frequency_hz\n1\n", "no comma, semicolon or tab"),
+    "no frequency": ("temperature_c,storage_modulus_pa,loss_modulus_pa\n37,1500,200\n", "no column for frequency"),
+    "no temperature": ("frequency_hz,storage_modulus_pa,loss_modulus_pa\n1,1500,200\n", "'temperature_c'"),
+    "no modulus": ("frequency_hz,temperature_c,force\n1,37,2\n", "no column for the modulus"),
+    "no loss": ("frequency_hz,temperature_c,storage_modulus_pa\n1,37,1500\n", "no column for loss modulus"),
+    "force is not frequency": ("F,T,E',E''\n1,37,1500,200\n", "no column for frequency"),
+    "not a number": (GOOD + "20,37,NaN,100\n", "line 5, column 'storage_modulus_pa': 'NaN' is not finite"),
+    "infinite": (GOOD + "inf,37,1500,100\n", "line 5, column 'frequency_hz'"),
+    "text": (GOOD + "20,warm,1500,100\n", "line 5, column 'temperature_c': 'warm' is not a number"),
+    "blank cell": (GOOD + "20,37,,100\n", "the cell is empty"),
+    "decimal comma": (GOOD.replace(",", ";") + "20;37;1500,5;100\n", "write decimals with a point"),
+    "negative storage": (GOOD + "20,37,-1500,100\n", "storage modulus -1500 must be positive"),
+    "negative loss": (GOOD + "20,37,1500,-1\n", "loss modulus -1 must be zero or positive"),
+    "zero frequency": (GOOD + "0,37,1500,100\n", "frequency 0 is not positive"),
+    "negative frequency": (GOOD + "-2,37,1500,100\n", "frequency -2 is not positive"),
+    "ragged": (GOOD + "20,37,1500\n", "line 5: 3 cells where the header has 4"),
+    "long row": (GOOD + "20,37,1500,3,4\n", "line 5: 5 cells where the header has 4"),
+    "binary": (b"\x00\x01\x02\xff\xfe,1\n", "not UTF-8 text"),
+    "null bytes": (b"a,b\0\n1,2\n", "null bytes"),
+    "workbook": (b"PK\x03\x04rest", "spreadsheet"),
+    "utf-16": (GOOD.encode("utf-16"), "UTF-16"),
+    "latin-1": ("Temp (°C),f\n1,2\n".encode("latin-1"), "not UTF-8 text"),
+    "one row": (f"{HEADER}\n1,37,1500,200\n", "only one row"),
+    "duplicate header": (f"{HEADER},frequency_hz\n1,37,1500,200,1\n", "occurs twice"),
+    "duplicate meaning": (f"{HEADER},freq\n1,37,1500,200,1\n", "means the same as column 'frequency_hz'"),
+    "nameless column": (f"{HEADER},\n1,37,1500,200,\n", "column 5 has no name"),
+    "unknown unit": ("frequency_hz,Temp (F),E' (Pa),E'' (Pa)\n1,99,1500,200\n", "the unit 'F' is not known"),
+    "kelvin": (GOOD.replace("37", "310"), "looks like kelvin"),
+    "below zero": (GOOD + "1,-300,1500,200\n", "above absolute zero"),
+    "kilopascal": (f"{HEADER}\n1,37,1.5,0.2\n2,37,1.6,0.3\n", "looks like kPa or MPa"),
+    "too stiff": (f"{HEADER}\n1,37,1.5e13,2\n2,37,1.6e13,3\n", "stiffer than diamond"),
+    "time": (f"{HEADER},time_s\n1,37,1500,200,5\n2,37,1600,200,4\n", "line 3, column 'time_s': time 4 is earlier"),
+    "half the deviations": (f"{HEADER},storage_modulus_sd_pa\n1,37,1500,200,5\n2,37,1500,200,5\n", "go together"),
+    "zero deviation": (
+        f"{HEADER},storage_modulus_sd_pa,loss_modulus_sd_pa\n1,37,1500,200,0,5\n2,37,1500,200,5,5\n",
+        "storage modulus sd 0 must be positive",
+    ),
+    "open quotation": (f'{HEADER}\n1,37,"1500,200\n2,37,1500,200\n', "quotation mark"),
+}
+
+
+@pytest.mark.parametrize(("text", "cause"), BAD.values(), ids=BAD.keys())
+def test_bad_input_is_refused_in_one_line(tmp_path, text, cause):
+    path = write(tmp_path, text)
+    with pytest.raises(InputError) as error:
+        read_dma(path)
+    message = str(error.value)
+    assert cause in message
+    assert "\n" not in message and message.startswith(str(path))
+
+
+def test_missing_file_and_folder(tmp_path):
+    for path, cause in ((tmp_path / "absent.csv", "no such file"), (tmp_path, "is a folder")):
+        with pytest.raises(InputError, match=cause):
+            read_dma(path)
+
+
+@pytest.mark.parametrize("name", ["kelvin", "kilopascal", "too stiff"])
+def test_trusted_units(tmp_path, name):
+    assert len(read_dma(write(tmp_path, BAD[name][0]), trust_units=True)) >= 2
+
+
+def test_sweeps_are_split_at_a_kelvin_and_sorted():
+    temperature = np.array([37.9, 50.0, 37.0, 36.2, 50.9, 38.8, 50.0])
+    frequency = np.array([3.0, 1.0, 2.0, 1.0, 0.5, 4.0, 9.0])
+    data = DmaData(frequency, temperature, np.full(7, 1e3), sample=("a",) * 6 + ("b",))
+    sweeps = group_sweeps(data)
+    assert [(sweep.sample, len(sweep.data)) for sweep in sweeps] == [("a", 4), ("a", 2), ("b", 1)]
+    np.testing.assert_array_equal(sweeps[0].data.frequency_hz, [1.0, 2.0, 3.0, 4.0])
+    assert sweeps[1].temperature_c == pytest.approx(50.45)
+
+
+def test_shipped_sets_are_whole_and_licensed():
+    rows = {"pyvisco_polymer": (210, 21, 10), "nist_foam": (995, 68, 1)}
+    assert set(shipped_names()) == set(rows)
+    for name, (count, n_sweeps, n_frequencies) in rows.items():
+        data = read_dma(shipped(name))
+        sweeps = group_sweeps(data)
+        assert (len(data), len(sweeps)) == (count, n_sweeps)
+        assert {sweep.data.distinct_frequencies for sweep in sweeps} == {n_frequencies}
+        for companion in ("SOURCE.md", "LICENSE.txt"):
+            assert (shipped(name).parent / companion).stat().st_size > 200
+    first = read_dma(shipped("pyvisco_polymer"))
+    assert first.storage_modulus[0] == pytest.approx(8097.175545e6)
+    with pytest.raises(InputError, match="no shipped data set"):
+        shipped("liver")

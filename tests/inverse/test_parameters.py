@@ -1,0 +1,41 @@
+"""Transforms: inverse of one another, inside their bounds, with the derivative that they claim."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from inverse.parameters import Identity, Interval, LogInterval, Parameter, Positive, constrain, unconstrain
+
+TRANSFORMS = [Identity(), Positive(), Positive(3e9), Interval(0.0, 1.0), Interval(-4.0, 7.0), LogInterval(1e-9, 1e6)]
+U = np.linspace(-6.0, 6.0, 25)
+
+
+@pytest.mark.parametrize("transform", TRANSFORMS, ids=str)
+def test_round_trip_and_derivative(transform):
+    values = jax.vmap(transform.forward)(U)
+    np.testing.assert_allclose(jax.vmap(transform.inverse)(values), U, rtol=1e-9, atol=1e-9)
+    assert np.all(np.diff(values) > 0.0)
+    slope = jax.vmap(jax.grad(transform.forward))(U)
+    np.testing.assert_allclose(jax.vmap(transform.log_derivative)(U), jnp.log(slope), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("transform", "bounds"), [(Interval(-4.0, 7.0), (-4, 7)), (LogInterval(1e-9, 1e6), (1e-9, 1e6))]
+)
+def test_values_far_out_stay_within_bounds(transform, bounds):
+    values = np.array([transform.forward(u) for u in (-800.0, -40.0, 40.0, 800.0)])
+    assert np.all((values >= bounds[0] * (1.0 - 1e-12 * np.sign(bounds[0]))) & (values <= bounds[1] * (1.0 + 1e-12)))
+
+
+@pytest.mark.parametrize("transform", [Positive(2.0), Interval(0.0, 1.0), LogInterval(1e-3, 1e3)])
+def test_ends_are_named(transform):
+    assert [transform.end(u) for u in (-60.0, 0.0, 60.0)] == ["lower", None, "upper"]
+    assert Identity().end(1e9) is None
+
+
+def test_vectors_of_parameters():
+    parameters = (Parameter("a", "Pa", Positive(10.0)), Parameter("b", "1", Interval(0.0, 1.0)))
+    values = constrain(parameters, jnp.array([0.0, 0.0]))
+    np.testing.assert_allclose(values, [10.0, 0.5])
+    np.testing.assert_allclose(unconstrain(parameters, values), [0.0, 0.0], atol=1e-15)
