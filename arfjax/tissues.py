@@ -110,20 +110,24 @@ def muscle() -> Tissue:
 
 
 def liver() -> Tissue:
-    """Liver, with attenuation by the paper's polynomial times its 0.35 dB/(cm MHz).
+    """Liver, with attenuation by the paper's polynomial."""
+    tissue = _tissue("liver", 0.52, 3540.0, 15.2)
+    return dataclasses.replace(tissue, attenuation=liver_attenuation(), viscoelasticity=liver_viscoelasticity())
+
+
+def liver_attenuation() -> NormalisedPolynomial:
+    """Attenuation of liver at 1 MHz [Np/m]: the paper's polynomial times its 0.35 dB/(cm MHz).
 
     The polynomial is normalised to 37 degC, where its rounded coefficients give 97.1 percent, while the table says
     "at 35 degC", where they give 99.3; here, as in the paper, neither is corrected.
     """
-    polynomial = NormalisedPolynomial(
+    return NormalisedPolynomial(
         from_db_per_cm(suomi2016.TABLE_1_ACOUSTIC["liver"].attenuation_db_per_cm_mhz),
         jnp.asarray(suomi2016.FIGURE_ATTENUATION_COEFFICIENTS),
         unit="Np/m",
         source=f"{suomi2016.PAPER}, table 1 and attenuation polynomial",
         valid_range=suomi2016.FIGURE_ATTENUATION_RANGE,
     )
-    tissue = _tissue("liver", 0.52, 3540.0, 15.2)
-    return dataclasses.replace(tissue, attenuation=polynomial, viscoelasticity=liver_viscoelasticity())
 
 
 def liver_viscoelasticity() -> ZenerLaw:

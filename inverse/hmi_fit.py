@@ -16,7 +16,6 @@ import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -45,7 +44,7 @@ class AttenuationPrior(_Section):
     """Attenuation is fitted as its values at five temperatures, which make the five coefficients."""
 
     anchor_temperatures_c: tuple[float, float, float, float, float] = (35.0, 45.0, 55.0, 65.0, 84.0)
-    relative_sd: float = Field(0.25, gt=0.0, le=2.0)
+    relative_sd: float = Field(default=0.25, gt=0.0, le=2.0)
 
     @model_validator(mode="after")
     def _anchors_differ(self) -> "AttenuationPrior":
@@ -57,15 +56,15 @@ class AttenuationPrior(_Section):
 class LesionPrior(_Section):
     """Spread of the lesion's constants about the model's."""
 
-    branch_modulus_relative_sd: float = Field(0.5, gt=0.0, le=3.0)
-    branch_modulus_rate_relative_sd: float = Field(0.5, gt=0.0, le=3.0)
-    relaxation_time_relative_sd: float = Field(0.5, gt=0.0, le=3.0)
+    branch_modulus_relative_sd: float = Field(default=0.5, gt=0.0, le=3.0)
+    branch_modulus_rate_relative_sd: float = Field(default=0.5, gt=0.0, le=3.0)
+    relaxation_time_relative_sd: float = Field(default=0.5, gt=0.0, le=3.0)
 
 
 class CalibrationSettings(_Section):
     """The section `[calibration]` of an experiment file."""
 
-    reference_temperature_c: float = Field(37.0, ge=0.0, le=120.0)
+    reference_temperature_c: float = Field(default=37.0, ge=0.0, le=120.0)
     attenuation: AttenuationPrior = AttenuationPrior()
     lesion: LesionPrior = LesionPrior()
 
@@ -99,15 +98,16 @@ class Constants(eqx.Module):
 
 
 def _places(model: Model) -> tuple:
-    attenuation, lesion = model.liver.attenuation, model.lesion.viscoelasticity
-    assert isinstance(attenuation, NormalisedPolynomial)
-    assert isinstance(lesion.branch_modulus, Exponential) and isinstance(lesion.relaxation_time, Linear)
-    return (
-        attenuation.coefficients,
-        lesion.branch_modulus.value,
-        lesion.branch_modulus.rate,
-        lesion.relaxation_time.value,
-    )
+    attenuation, relaxation = model.liver.attenuation, model.lesion.viscoelasticity.relaxation_time
+    assert isinstance(attenuation, NormalisedPolynomial) and isinstance(relaxation, Linear)
+    stiffness = _stiffness(model)
+    return attenuation.coefficients, stiffness.value, stiffness.rate, relaxation.value
+
+
+def _stiffness(model: Model) -> Exponential:
+    law = model.lesion.viscoelasticity.branch_modulus
+    assert isinstance(law, Exponential)  # as `tissues.lesion_viscoelasticity` makes it
+    return law
 
 
 def constants_of(model: Model, settings: CalibrationSettings) -> Constants:
@@ -119,7 +119,7 @@ def constants_of(model: Model, settings: CalibrationSettings) -> Constants:
     if np.any(percent <= 0.0):
         raise InputError("`calibration.attenuation.anchor_temperatures_c`: the polynomial is not positive there.")
     _, stiffness, rate, time = _places(model)
-    middle = model.lesion.viscoelasticity.branch_modulus.reference_temperature
+    middle = float(_stiffness(model).reference_temperature)
     parameters = [
         Parameter(f"attenuation_at_{anchor:g}_degc", "percent", Positive(value), rf"attenuation at {anchor:g} °C")
         for anchor, value in zip(anchors, percent.tolist(), strict=True)
@@ -223,31 +223,78 @@ def fit_hmi(
 
     given = data.sd is not None
     sd = np.asarray(data.sd) / unit if given else np.full(len(measured), _FIRST_NOISE_PERCENT)
-    sensitivity = jax.jit(jax.jacfwd(lambda z: (simulate(z),) * 2, has_aux=True))
-    z = np.zeros(len(constants.parameters))
-    before = np.asarray(sensitivity(z)[1])
-    for _ in range(1 if given else _MOST_NOISE_UPDATES):
-        descent = descend(residuals, z, jnp.asarray(sd), on_step=on_step, max_steps=max_steps)
-        z = np.asarray(descent.solution)
-        jacobian, after = (np.asarray(array) for array in sensitivity(z))
-        covariance = np.linalg.inv((jacobian / sd[:, None] ** 2).T @ jacobian + np.eye(len(z)))
-        determined = len(z) - float(np.trace(covariance))
-        estimate = np.sqrt(np.sum((after - measured) ** 2) / (len(measured) - determined))
-        if given or abs(estimate / sd[0] - 1.0) < _NOISE_TOLERANCE:
+    fit = _at_noise(residuals, np.zeros(len(constants.parameters)), sd, on_step, max_steps)
+    before = fit.differences_at_start
+    for _ in range(0 if given else _MOST_NOISE_UPDATES):
+        estimate = fit.noise_estimate
+        if abs(estimate / sd[0] - 1.0) < _NOISE_TOLERANCE:
             break
         sd = np.full(len(measured), estimate)
-    return _report(constants, model, z, covariance, before * unit, after * unit, sd * unit, given, descent)
+        fit = _at_noise(residuals, fit.z, sd, on_step, max_steps)
+    after = (np.asarray(measured) + fit.differences) * unit
+    return _report(constants, model, fit, (np.asarray(measured) + before) * unit, after, sd * unit, given)
 
 
-def _report(constants, model, z, covariance, before, after, sd, given, descent) -> HmiFit:
-    spread = np.sqrt(np.diag(covariance))
-    values, value_covariance = delta_method(constants.values, z, covariance)
+@dataclasses.dataclass(frozen=True)
+class _Posterior:
+    """The linearised posterior for one standard deviation of the data.
+
+    Attributes:
+        z: Most probable logarithms in prior standard deviations.
+        covariance: Of z.
+        differences: Simulated minus measured, there.
+        differences_at_start: The same where the descent began.
+        descent: How it went.
+    """
+
+    z: Float[np.ndarray, " n"]
+    covariance: Float[np.ndarray, "n n"]
+    differences: Float[np.ndarray, " row"]
+    differences_at_start: Float[np.ndarray, " row"]
+    descent: Descent
+
+    @property
+    def determined(self) -> float:
+        """Number of constants that the data determine."""
+        return len(self.z) - float(np.trace(self.covariance))
+
+    @property
+    def noise_estimate(self) -> float:
+        """Standard deviation of the data that the differences speak for."""
+        freedom = len(self.differences) - self.determined
+        return float(np.sqrt(np.sum(self.differences**2) / freedom))
+
+
+def _at_noise(residuals, start, sd, on_step, max_steps) -> _Posterior:
+    descent = descend(residuals, start, jnp.asarray(sd), on_step=on_step, max_steps=max_steps)
+    # The Jacobian's lower part is the prior's identity, so this is the posterior's precision.
+    jacobian = np.asarray(descent.jacobian)
+    return _Posterior(
+        z=np.asarray(descent.solution),
+        covariance=np.linalg.inv(jacobian.T @ jacobian),
+        differences=np.asarray(descent.residual)[: len(sd)] * sd,
+        differences_at_start=np.asarray(descent.first_residual)[: len(sd)] * sd,
+        descent=descent,
+    )
+
+
+def _report(
+    constants: Constants,
+    model: Model,
+    fit: _Posterior,
+    before: Float[np.ndarray, " row"],
+    after: Float[np.ndarray, " row"],
+    sd: Float[np.ndarray, " row"],
+    given: bool,
+) -> HmiFit:
+    spread = np.sqrt(np.diag(fit.covariance))
+    values, value_covariance = delta_method(constants.values, fit.z, fit.covariance)
     coefficients, coefficient_covariance = delta_method(constants.coefficients, values, value_covariance)
     return HmiFit(
         constants=constants,
         values=values,
         standard_errors=np.sqrt(np.diag(value_covariance)),
-        correlation=covariance / np.outer(spread, spread),
+        correlation=fit.covariance / np.outer(spread, spread),
         shrinkage=spread,
         coefficients=coefficients,
         coefficient_errors=np.sqrt(np.diag(coefficient_covariance)),
@@ -256,6 +303,6 @@ def _report(constants, model, z, covariance, before, after, sd, given, descent) 
         after=after,
         noise_sd=sd,
         noise_estimated=not given,
-        determined=len(z) - float(np.trace(covariance)),
-        descent=descent,
+        determined=fit.determined,
+        descent=fit.descent,
     )

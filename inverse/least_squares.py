@@ -3,6 +3,8 @@
 The solver takes no bounds: keep parameters inside theirs with the transforms of `inverse.parameters`.
 """
 
+import dataclasses
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -111,3 +113,94 @@ def multi_start(
         return solution.value, jnp.where(finite, cost, jnp.inf), jnp.where(finite, status, 2), steps
 
     return MultiStart(*jax.vmap(solve)(jnp.asarray(starts)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Descent:
+    """How one start went, step by step.
+
+    Attributes:
+        solution: Where it ended.
+        residual: Residual vector there.
+        jacobian: Its derivative in the parameters there.
+        first_residual: Residual vector at the start.
+        costs: Half the sum of squares after each accepted or refused step.
+        converged: Whether it ended because nothing changed any more.
+        message: How it ended, in words.
+    """
+
+    solution: Float[Array, " n"] | Float[np.ndarray, " n"]
+    residual: Float[Array, " m"]
+    jacobian: Float[Array, "m n"]
+    first_residual: Float[Array, " m"]
+    costs: tuple[float, ...]
+    converged: bool
+    message: str
+
+
+def descend(
+    residual: Callable[[Float[Array, " n"], Any], Float[Array, " m"]],
+    start: Float[Array, " n"] | Float[np.ndarray, " n"],
+    args: Any = None,
+    *,
+    rtol: float = 1e-4,
+    atol: float = 1e-4,
+    max_steps: int = 50,
+    on_step: Callable[[int, float], None] = lambda step, cost: None,
+) -> Descent:
+    """Minimise half the sum of squares from one start, one compiled step at a time.
+
+    For residuals that take seconds, where a person wants to see how far it is. Compiled once for each `residual`.
+
+    Args:
+        residual: Residual vector of the unconstrained parameters u and of `args`.
+        start: Where to begin.
+        args: Anything the residual needs, such as data.
+        rtol: Relative change of parameters and cost at which it has converged.
+        atol: Absolute change of parameters and cost at which it has converged.
+        max_steps: Steps after which it is stopped.
+        on_step: Told the number of each step and the lowest cost so far.
+    """
+    solver = optx.LevenbergMarquardt(rtol=rtol, atol=atol)
+    point = jnp.asarray(start)
+    state = _first_state(residual, solver, point, args)
+    costs: list[float] = []
+    first, status = state.f_info.residual, 1
+    for step in range(1, max_steps + 1):
+        point, state, ended, failed = _one_step(residual, solver, point, args, state)
+        first = state.f_info.residual if step == 1 else first
+        costs.append(float(state.f_info.as_min()))
+        on_step(step, costs[-1])
+        if not math.isfinite(costs[-1]):
+            status = 2
+            break
+        if bool(ended):
+            status = 3 if bool(failed) else 0
+            break
+    return Descent(
+        solution=point,
+        residual=state.f_info.residual,
+        jacobian=eqx.filter_jit(lambda operator: operator.as_matrix())(state.f_info.jac),
+        first_residual=first,
+        costs=tuple(costs),
+        converged=status == 0,
+        message=STATUS[status],
+    )
+
+
+def _with_no_auxiliary(residual):
+    return lambda u, args: (residual(u, args), None)
+
+
+@eqx.filter_jit
+def _first_state(residual, solver, point, args):
+    structure = jax.eval_shape(residual, point, args)
+    return solver.init(_with_no_auxiliary(residual), point, args, {}, structure, None, frozenset())
+
+
+@eqx.filter_jit
+def _one_step(residual, solver, point, args, state):
+    function = _with_no_auxiliary(residual)
+    point, state, _ = solver.step(function, point, args, {}, state, frozenset())
+    ended, result = solver.terminate(function, point, args, {}, state, frozenset())
+    return point, state, ended, result != optx.RESULTS.successful

@@ -72,7 +72,7 @@ def modulus_magnitude(row: suomi2016.ZenerRow, frequency_hz: Float[np.ndarray, "
 
 def attenuation_rows() -> list[Row]:
     """The polynomial against what it is normalised to."""
-    attenuation = tissues.liver().attenuation
+    attenuation = tissues.liver_attenuation()
     temperatures = np.linspace(30.0, 60.0, 3001)
     curve = np.asarray(attenuation.percent(temperatures))
     lowest = int(np.argmin(curve))

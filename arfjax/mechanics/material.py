@@ -66,7 +66,7 @@ def liver_with_lesion(
     solid = jax.tree.map(lambda outside, inside: outside + (inside - outside) * depth, liver, lesion)
     return viscoelastic_field(
         prony_of_zener(solid) if isinstance(solid, Zener) else prony_of_fractional_zener(solid),
-        depth.shape,
+        (depth.shape[0], depth.shape[1]),
         density=density,
         bulk_modulus=reading.bulk_modulus(solid.unrelaxed_modulus, poisson_ratio),
         reading=reading,

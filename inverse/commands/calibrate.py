@@ -25,7 +25,7 @@ from arfjax import (
     run_stepwise,
 )
 from arfjax.io import stepwise_dataset, write_netcdf
-from inverse.commands.console import show_lines, show_table, working_on
+from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.figures import draw_calibration
@@ -47,7 +47,7 @@ def calibrate(
     measured = read_hmi(hmi)
     model, discretisation = described.model(), discretise(described.model())
     with output_directory(out) as folder:
-        with working_on("compiling the simulation chain and its gradient") as say:
+        with working("compiling the simulation chain and its gradient") as say:
             fit = fit_hmi(
                 model,
                 measured,
@@ -165,10 +165,10 @@ def _notes(fit: HmiFit, measured: HmiData) -> list[str]:
         f"the data determine {fit.determined:.1f} of {len(fit.values)} constants.",
     ]
     if fit.noise_estimated:
-        scale, _, _ = (1.0, 0, 0) if measured.in_percent else (1e6, 0, 0)
+        scale = 1.0 if measured.in_percent else 1e6
         notes.append(
-            f"The file gives no standard deviations; {scale * float(fit.noise_sd[0]):.3g} {unit} was estimated with the "
-            "fit, differences between sonications included."
+            f"The file gives no standard deviations; {scale * float(fit.noise_sd[0]):.3g} {unit} was estimated with "
+            "the fit, differences between sonications included."
         )
     notes += fit.not_identified.values()
     if measured.temperature is not None:
@@ -215,8 +215,8 @@ def _report(described: Experiment, measured: HmiData, fit: HmiFit, figures: list
         "| --- | --- |" + " ---: |" * 4,
         *("| " + " | ".join(row) + " |" for row in _rows(fit)),
         "",
-        "Attenuation is fitted through its values at five temperatures, in percent of the tissue's 1 MHz value; they make "
-        "the coefficients of the polynomial, whose errors are strongly correlated:",
+        "Attenuation is fitted through its values at five temperatures, in percent of the tissue's 1 MHz value; they "
+        "make the coefficients of the polynomial, whose errors are strongly correlated:",
         "",
         "| coefficient | unit | estimate | standard error |",
         "| --- | --- | ---: | ---: |",

@@ -44,7 +44,10 @@ def progress_bar(total: int) -> Iterator[Callable[[str], None]]:
 
 
 @contextlib.contextmanager
-def working(description: str) -> Iterator[None]:
-    """A sign of life on the error stream for work whose steps cannot be counted, gone when done."""
-    with Console(stderr=True).status(description):
-        yield
+def working(description: str) -> Iterator[Callable[[str], None]]:
+    """A sign of life on the error stream for work whose steps cannot be counted, gone when done.
+
+    Call the function with another description as the work goes on.
+    """
+    with Console(stderr=True).status(description) as status:
+        yield status.update

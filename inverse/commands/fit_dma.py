@@ -11,7 +11,7 @@ import typer
 import xarray as xr
 
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.output import output_directory, quantity, write_summary
+from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 from inverse.datasets.dma import DmaData, group_sweeps, read_dma
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL, DmaFit, SweepFit, fit_sweeps, magnitude_only
 from inverse.dma_residuals import LinearModulus, LogModulus, ModulusResidual
@@ -71,7 +71,9 @@ def fit_dma(
             fit = fit_sweeps(sweeps, models=_MODELS[model], residuals=chosen, seed=seed, n_starts=starts)
         _write_parameters(folder / "parameters.csv", fit)
         _dataset(fit, chosen).to_netcdf(folder / "fit.nc", engine="h5netcdf")
-        figures = _write_figures(folder, fit, chosen)
+        figures = write_figures(
+            folder, {f"fit_{residual.name}": dma_figure(fit, residual) for residual in chosen if fit.fits}
+        )
         (folder / "report.md").write_text(_report(data, measured, fit, figures), encoding="utf-8")
         write_summary(
             folder,
@@ -152,17 +154,6 @@ def _dataset(fit: DmaFit, residuals: tuple[ModulusResidual, ...]) -> xr.Dataset:
         for kind, part in (("storage_modulus", np.real(moduli)), ("loss_modulus", np.imag(moduli))):
             dataset[f"{model.name}_{kind}"] = (("residuals", "sweep", "point"), part, {"units": "Pa"})
     return dataset
-
-
-def _write_figures(folder: Path, fit: DmaFit, residuals: tuple[ModulusResidual, ...]) -> list[str]:
-    names = []
-    for residual in residuals if fit.fits else ():
-        figure = dma_figure(fit, residual)
-        name = f"fit_{residual.name}"
-        figure.savefig(folder / f"{name}.png", dpi=200)
-        figure.savefig(folder / f"{name}.pdf")
-        names.append(f"{name}.png")
-    return names
 
 
 def _results(fit: DmaFit) -> dict:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+from matplotlib.figure import Figure
 
 import arfjax
 from arfjax.errors import InputError
@@ -75,6 +76,14 @@ def write_summary(
     }
     text = json.dumps(_finite(summary), indent=2, ensure_ascii=False, allow_nan=False)
     (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+
+
+def write_figures(folder: Path, figures: Mapping[str, Figure]) -> list[str]:
+    """Write each figure as PNG and PDF under its name, and return the names of the PNG files."""
+    for name, figure in figures.items():
+        figure.savefig(folder / f"{name}.png", dpi=200)
+        figure.savefig(folder / f"{name}.pdf")
+    return [f"{name}.png" for name in figures]
 
 
 def quantity(value: float, unit: str, standard_error: float | None = None) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """`arfjax simulate`: run an experiment's protocol and write fields, heating and displacement."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -128,7 +128,7 @@ def _rows(data: xr.Dataset) -> list[tuple[str, ...]]:
     return rows
 
 
-def _results(data: xr.Dataset, heating: Heating) -> dict[str, object]:
+def _results(data: xr.Dataset, heating: Heating) -> dict[str, dict[str, Any]]:
     amplitude = data["pressure_amplitude_on_axis"]
     peak = int(np.argmax(amplitude.to_numpy()))
     return {

@@ -8,6 +8,8 @@ from arfjax.errors import InputError
 _FILES = {
     "pyvisco_polymer": "freq_user_raw.csv",
     "nist_foam": "vn01_foam_10_rad_s.csv",
+    "suomi2016_hmi": "hmi.csv",
+    "suomi2016_experiment": "experiment.toml",
 }
 
 

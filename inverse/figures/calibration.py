@@ -61,6 +61,7 @@ def temperature_of_rows(measured: HmiData, curves: xr.Dataset) -> np.ndarray:
     """Temperature of every row [degC], that of the simulated heating where the file gives only times."""
     if measured.temperature is not None:
         return measured.temperature
+    assert measured.time is not None  # the reader asks for time or temperature
     after = curves.sel(stage="after")
     return np.interp(measured.time, after["sonication_time"].to_numpy(), after["step_temperature"].to_numpy())
 

@@ -17,7 +17,7 @@ def draw_attenuation() -> Figure:
     figure = new_figure(4.6, 3.2)
     axes = figure.subplots()
     low, high = suomi2016.FIGURE_ATTENUATION_RANGE
-    attenuation = tissues.liver().attenuation
+    attenuation = tissues.liver_attenuation()
     inside, outside = np.linspace(low, high, 200), np.linspace(high, 85.0, 50)
     axes.plot(inside, attenuation.percent(inside), color=COLOURS[0], label=f"fitted range, {low:g} to {high:g} °C")
     axes.plot(outside, attenuation.percent(outside), ":", color=COLOURS[0], label="extrapolated")

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from arfjax.errors import InputError
-from arfjax.media import FractionalZener, Zener
 from arfjax.mechanics.material import ellipsoid_depth, liver_with_lesion
 from arfjax.mechanics.viscoelastic import ShearModulus, YoungModulus
+from arfjax.media import FractionalZener, Zener
 from tests.checks import assert_gradient
 
 LIVER, LESION = Zener(1100.0, 2000.0, 0.3), Zener(8.0, 52600.0, 0.7)

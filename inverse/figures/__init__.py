@@ -1,0 +1,7 @@
+"""Figures of fits; matplotlib is used here and in `arfjax.figures`, and nowhere else."""
+
+from inverse.figures.calibration import draw_calibration as draw_calibration
+from inverse.figures.dma import dma_figure as dma_figure
+from inverse.figures.paper import draw_attenuation as draw_attenuation
+from inverse.figures.paper import draw_displacements as draw_displacements
+from inverse.figures.paper import draw_paper_moduli as draw_paper_moduli
