@@ -119,6 +119,9 @@ def _dress(upper: Axes, lower: Axes, kind: str, unit: str) -> None:
     name = {"storage": "Storage modulus", "loss": "Loss modulus", "magnitude": "Modulus magnitude"}[kind]
     upper.set_xscale("log")
     upper.set_yscale("log")
+    upper.yaxis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0), numticks=20))
+    upper.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    upper.yaxis.set_minor_formatter(NullFormatter())
     upper.set_ylabel(f"{name} {symbol} [{unit}]")
     lower.set_ylabel("(fit − data) / $|M|$ [%]")
     lower.set_xlabel("Frequency [Hz]")
