@@ -50,6 +50,7 @@ from arfjax.protocols.stepwise import StepwiseProtocol as StepwiseProtocol
 from arfjax.protocols.stepwise import StepwiseResult as StepwiseResult
 from arfjax.protocols.stepwise import focal_temperature_at as focal_temperature_at
 from arfjax.protocols.stepwise import layered_field as layered_field
+from arfjax.protocols.stepwise import range_notes as range_notes
 from arfjax.protocols.stepwise import run_stepwise as run_stepwise
 from arfjax.protocols.stepwise import simulate_heating as simulate_heating
 from arfjax.protocols.stepwise import stepwise_displacement as stepwise_displacement

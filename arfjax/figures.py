@@ -2,8 +2,10 @@
 
 import numpy as np
 import xarray as xr
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
 
 from arfjax.model import Model
 
@@ -11,6 +13,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Colours that colour-blind readers can tell apart (Okabe and Ito)."""
 
 _DECIBEL_FLOOR = -30.0
+_SHOWN_RADIUS = 15.0  # mm
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -28,8 +31,8 @@ def tidy(axes: Axes, *, x: str, y: str, title: str = "") -> None:
 
 def draw_field(dataset: xr.Dataset, model: Model) -> Figure:
     """The field in dB with the layers, its axial profile and its focal-plane profile."""
-    figure = new_figure(9.0, 5.4)
-    panels = figure.subplot_mosaic([["map", "map"], ["axis", "plane"]], height_ratios=[1.25, 1.0])
+    figure = new_figure(8.4, 6.6)
+    panels = figure.subplot_mosaic([["map", "map"], ["axis", "plane"]], height_ratios=[1.35, 1.0])
     r, z = 1e3 * dataset["r"].to_numpy(), 1e3 * dataset["z"].to_numpy()
     amplitude = dataset["pressure_amplitude"].to_numpy()[0]
     focus = 1e3 * float(model.bowl.focal_length)
@@ -39,9 +42,12 @@ def draw_field(dataset: xr.Dataset, model: Model) -> Figure:
         z, np.concatenate([-r[:0:-1], r]), mirrored, vmin=_DECIBEL_FLOOR, vmax=0.0, cmap="magma", shading="auto"
     )
     image.set_rasterized(True)
-    figure.colorbar(image, ax=panels["map"], label="pressure [dB re peak]", extend="min")
+    figure.colorbar(
+        image, ax=panels["map"], label="pressure [dB re peak]", extend="min", location="bottom", shrink=0.5, aspect=40
+    )
     tidy(panels["map"], x="axial distance z [mm]", y="r [mm]", title="pressure amplitude")
     panels["map"].set_aspect("equal")
+    panels["map"].set_ylim(-_SHOWN_RADIUS, _SHOWN_RADIUS)
     panels["axis"].plot(z, 1e-6 * dataset["pressure_amplitude_on_axis"].to_numpy(), color=COLOURS[0])
     _draw_layers(panels["map"], model, colour="white")
     _draw_layers(panels["axis"], model, colour="0.6")
@@ -68,9 +74,9 @@ def draw_heating(dataset: xr.Dataset, model: Model) -> Figure:
     both = np.concatenate([-r[::-1], r])
     temperature = dataset["temperature"].to_numpy()
     dose = np.maximum(dataset["thermal_dose"].to_numpy(), 1e-30)
-    levels = np.linspace(np.floor(temperature.min()), np.ceil(temperature.max()), 29)
+    levels = np.arange(np.floor(temperature.min()), np.ceil(temperature.max()) + 1.0)
     filled = chart.contourf(z, both, np.concatenate([temperature[::-1], temperature]), levels, cmap="inferno")
-    figure.colorbar(filled, ax=chart, label="temperature [°C]", format="%.0f")
+    figure.colorbar(filled, ax=chart, label="temperature [°C]", ticks=MultipleLocator(5.0))
     lethal = np.log(np.concatenate([dose[::-1], dose]))
     chart.contour(z, both, lethal, [np.log(240.0)], colors="white", linewidths=1.2)
     focus = 1e3 * float(model.bowl.focal_length)
@@ -98,8 +104,8 @@ def draw_displacement(dataset: xr.Dataset) -> Figure:
     times = 1e3 * dataset["push_time"].to_numpy()
     histories = 1e6 * dataset["focal_displacement"].to_numpy()
     for row, degrees in zip(histories, temperature, strict=True):
-        shade = 0.15 + 0.7 * (degrees - temperature[0]) / max(temperature[-1] - temperature[0], 1e-9)
-        pushes.plot(times, row, color=_warm(shade), label=f"{degrees:g} °C")
+        shade = 0.85 * (degrees - temperature[0]) / max(temperature[-1] - temperature[0], 1e-9)
+        pushes.plot(times, row, color=colormaps["plasma"](shade), label=f"{degrees:g} °C")
     pushes.legend(frameon=False, fontsize="x-small")
     tidy(pushes, x="time [ms]", y="displacement [µm]", title="at the geometric focus")
     return figure
@@ -110,8 +116,3 @@ def _draw_layers(axes: Axes, model: Model, *, colour: str) -> None:
     for layer in model.path:
         depth += 1e3 * layer.thickness
         axes.axvline(depth, color=colour, linewidth=0.7, linestyle="--")
-
-
-def _warm(fraction: float) -> tuple[float, float, float]:
-    """From blue to red."""
-    return (fraction, 0.25, 1.0 - fraction)

@@ -60,10 +60,8 @@ class TemperatureLaw(eqx.Module):
         outside = values[(values < low) | (values > high)]
         if outside.size == 0:
             return None
-        return (
-            f"{type(self).__name__} [{self.unit}] is extrapolated at {outside.min():g} to {outside.max():g} degC: "
-            f"its source ({self.source}) covers {low:g} to {high:g} degC."
-        )
+        used = f"{outside.min():g}" if outside.min() == outside.max() else f"{outside.min():g} to {outside.max():g}"
+        return f"extrapolated to {used} degC; its source ({self.source}) covers {low:g} to {high:g} degC."
 
 
 class Constant(TemperatureLaw):
@@ -171,8 +169,17 @@ class FractionalZenerLaw(eqx.Module):
 ViscoelasticLaw = ZenerLaw | FractionalZenerLaw
 
 
-def extrapolations(model: object, temperature: Temperature) -> list[str]:
-    """What every law inside a pytree has to say about temperatures [degC] outside its range, each message once."""
-    laws = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, TemperatureLaw))
-    messages = [law.outside_range(temperature) for law in laws if isinstance(law, TemperatureLaw)]
-    return list(dict.fromkeys(message for message in messages if message is not None))
+def extrapolations(model: object, temperature: Temperature, *, name: str = "model") -> list[str]:
+    """What every law inside a pytree has to say about temperatures [degC] outside its range, with its place there.
+
+    Args:
+        model: Any pytree that holds laws.
+        temperature: All temperatures at which they will be used.
+        name: What to call the pytree.
+    """
+    places, _ = jax.tree_util.tree_flatten_with_path(model, is_leaf=lambda node: isinstance(node, TemperatureLaw))
+    messages = []
+    for path, law in places:
+        if isinstance(law, TemperatureLaw) and (message := law.outside_range(temperature)) is not None:
+            messages.append(f"{name}{jax.tree_util.keystr(path)}: {message}")
+    return messages

@@ -32,7 +32,7 @@ def test_value_at_50_degc(law, expected):
 
 def test_outside_its_range_a_law_gives_its_value_and_says_so():
     law = Linear(2.0, 0.5, 40.0, valid_range=(5.0, 70.0), **LABELS)
-    with pytest.warns(ExtrapolationWarning, match="80 to 80 degC.*covers 5 to 70 degC"):
+    with pytest.warns(ExtrapolationWarning, match="extrapolated to 80 degC.*covers 5 to 70 degC"):
         assert float(law(80.0)) == 22.0
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -40,11 +40,11 @@ def test_outside_its_range_a_law_gives_its_value_and_says_so():
         jax.jit(law)(80.0)  # cannot know; whoever starts a traced run asks `extrapolations`
 
 
-def test_extrapolations_of_a_model_are_listed_once_each():
+def test_extrapolations_of_a_model_are_listed_with_their_place():
     liver = tissues.liver()
     assert extrapolations(liver, 37.0) == []
-    (message,) = extrapolations((liver, liver), np.asarray([37.0, 84.0]))
-    assert "NormalisedPolynomial" in message and "84" in message
+    (message,) = extrapolations(liver, np.asarray([37.0, 72.0, 84.0]), name="liver")
+    assert message.startswith("liver.attenuation: extrapolated to 72 to 84 degC;")
 
 
 def test_attenuation_polynomial_against_its_printed_coefficients():

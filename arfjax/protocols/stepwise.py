@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from arfjax.acoustics.intensity import heat_deposition, radiation_force_density
 from arfjax.acoustics.one_way import AcousticLayer, HarmonicField, solve_field
+from arfjax.laws import extrapolations
 from arfjax.mechanics.dynamics import PushResult, PushSettings, solve_push
 from arfjax.mechanics.material import ellipsoid_depth, liver_with_lesion
 from arfjax.media import Scalar
@@ -243,6 +244,17 @@ def _prepare(
     # As one batch, because the field up to the liver is then computed once for all temperatures.
     forces = jax.vmap(lambda temperature: force_at(model, temperature, protocol, settings))(temperatures)
     return temperatures, lesions, forces
+
+
+def range_notes(model: Model, temperature: Positions, lesion_length: Positions) -> list[str]:
+    """What the model's laws have to say about the steps' temperatures [degC] that lie outside their range.
+
+    The lesion's laws speak only for the steps in which there is a lesion, that is a length [m] above zero.
+    """
+    with_lesion = np.asarray(temperature)[np.asarray(lesion_length) > 0.0]
+    return extrapolations(model.liver, temperature, name="liver") + extrapolations(
+        model.lesion, with_lesion, name="lesion"
+    )
 
 
 def focal_temperature_at(heating: Heating, time: Float[Array, " n"]) -> Float[Array, " n"]:

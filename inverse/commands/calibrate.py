@@ -20,7 +20,7 @@ from arfjax import (
     StepwiseProtocol,
     discretise,
     explain,
-    extrapolations,
+    range_notes,
     read_experiment,
     run_stepwise,
 )
@@ -62,7 +62,7 @@ def calibrate(
         _write_parameters(folder / "parameters.csv", fit)
         write_netcdf(curves, folder / "calibration.nc")
         figures = write_figures(folder, {"calibration": draw_calibration(measured, fit, curves)})
-        notes = _notes(fit, measured)
+        notes = _notes(fit, measured, curves)
         (folder / "report.md").write_text(_report(described, measured, fit, figures, notes), encoding="utf-8")
         write_summary(
             folder,
@@ -95,7 +95,7 @@ def _curves(
     highest = protocol.final_temperature if measured.temperature is None else float(measured.temperature.max())
     protocol = StepwiseProtocol(protocol.start_temperature, highest, protocol.duration, protocol.push_duration)
     reference = settings.reference_temperature_c
-    temperatures = np.union1d(np.linspace(protocol.start_temperature, highest, 18), [reference])
+    temperatures = np.union1d(np.linspace(protocol.start_temperature, highest, 26), [reference])
     run = eqx.filter_jit(lambda model: run_stepwise(model, jnp.asarray(temperatures), protocol, discretisation))
     states = [stepwise_dataset(run(each), protocol, reference) for each in (model, fit.model)]
     curves = xr.concat(states, xr.DataArray(["before", "after"], dims="stage", name="stage"))
@@ -155,7 +155,7 @@ def _misfit(fit: HmiFit, measured: HmiData) -> tuple[float, float, str]:
     return (before, after, "percent") if measured.in_percent else (1e6 * before, 1e6 * after, "um")
 
 
-def _notes(fit: HmiFit, measured: HmiData) -> list[str]:
+def _notes(fit: HmiFit, measured: HmiData, curves: xr.Dataset) -> list[str]:
     before, after, unit = _misfit(fit, measured)
     notes = [
         f"The optimisation {fit.descent.message}."
@@ -171,8 +171,8 @@ def _notes(fit: HmiFit, measured: HmiData) -> list[str]:
             "the fit, differences between sonications included."
         )
     notes += fit.not_identified.values()
-    if measured.temperature is not None:
-        notes += extrapolations(fit.model, measured.temperature)
+    after = curves.sel(stage="after")
+    notes += range_notes(fit.model, after["step_temperature"].to_numpy(), after["lesion_length"].to_numpy())
     if measured.ignored:
         notes.append(f"Columns not used: {', '.join(measured.ignored)}.")
     return notes

@@ -10,20 +10,22 @@ from rich.text import Text
 
 
 def show_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1) -> None:
-    """Print a table; the first `left` columns are words, the others numbers."""
+    """Print a table, whole however narrow the terminal; the first `left` columns are words, the others numbers."""
     table = Table(title=title, title_justify="left", header_style="bold")
     for index, column in enumerate(columns):
         table.add_column(Text(column), no_wrap=True, justify="left" if index < left else "right")
     for row in rows:
         table.add_row(*map(Text, row))
-    Console().print(table)
+    console = Console()
+    needed = console.measure(table, options=console.options.update(max_width=1000)).maximum
+    console.print(table, width=max(needed, 1), crop=False, soft_wrap=True)
 
 
 def show_lines(lines: Sequence[str], *, style: str = "") -> None:
     """Print lines as they are."""
     console = Console()
     for line in lines:
-        console.print(line, style=style, markup=False, highlight=False)
+        console.print(line, style=style, markup=False, highlight=False, soft_wrap=True)
 
 
 @contextlib.contextmanager

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 import typer
 
 from arfjax import (
@@ -17,7 +18,7 @@ from arfjax import (
     StepwiseResult,
     TabulatedSize,
     discretise,
-    extrapolations,
+    range_notes,
     read_experiment,
     run_stepwise,
     tabulated_size,
@@ -76,7 +77,7 @@ def reproduce(
                 "displacement": draw_displacements(runs, measured),
             },
         )
-        notes = extrapolations(described.model(), jnp.asarray(_TEMPERATURES))
+        notes = range_notes(described.model(), np.asarray(_TEMPERATURES), np.asarray(runs["dose"].lesion_length))
         (folder / "report.md").write_text(_report(rows, figures, notes), encoding="utf-8")
         write_summary(
             folder,

@@ -17,8 +17,8 @@ from arfjax import (
     Model,
     StepwiseResult,
     discretise,
-    extrapolations,
     layered_field,
+    range_notes,
     read_experiment,
     run_stepwise,
     simulate_heating,
@@ -28,7 +28,7 @@ from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 
 _FIELD_RADIUS = 20e-3  # m
-_FIELD_STEP = 0.4e-3  # m
+_FIELD_STEP = 0.25e-3  # m
 
 
 def simulate(
@@ -61,7 +61,7 @@ def simulate(
                 "displacement": arfjax.figures.draw_displacement(result_dataset(result, described)),
             },
         )
-        notes = extrapolations(model, np.asarray(described.protocol.temperatures_c))
+        notes = range_notes(model, np.asarray(result.temperature), np.asarray(result.lesion_length))
         (folder / "report.md").write_text(_report(described, data, heating, figures, notes), encoding="utf-8")
         write_summary(
             folder,
@@ -78,7 +78,7 @@ def display_field(model: Model, described: Experiment, settings: Discretisation)
     """The field at the protocol's start temperature on a regular grid for the eye, through all layers."""
     protocol = described.stepwise()
     back = model.liver_depth + model.liver_thickness
-    r = np.linspace(0.0, _FIELD_RADIUS, round(_FIELD_RADIUS / _FIELD_STEP) + 1)
+    r = np.linspace(0.0, _FIELD_RADIUS, round(_FIELD_RADIUS / (0.5 * _FIELD_STEP)) + 1)
     regular = np.arange(settings.march.start_plane, back, _FIELD_STEP)
     # The focal plane itself is one of the planes; its close neighbours are not.
     z = np.sort(np.append(regular[np.abs(regular - settings.focus) > 0.25 * _FIELD_STEP], settings.focus))
