@@ -25,12 +25,7 @@ _VOCABULARY = (
         _PERCENT,
     ),
     Quantity("displacement_sd", "displacement_um_sd", _SPREAD, LENGTH_IN_METRE),
-    Quantity(
-        "displacement_percent_sd",
-        "displacement_percent_sd",
-        _SPREAD | {"displacementpercentsd", "displacementsdpercent"},
-        _PERCENT,
-    ),
+    Quantity("displacement_percent_sd", "displacement_percent_sd", _SPREAD, _PERCENT),
 )
 
 _KELVIN_FROM = 200.0  # degC; the coldest tissue in kelvin is 273, the hottest in degC is 120
@@ -78,7 +73,8 @@ def read_hmi(path: str | Path) -> HmiData:
     """Read a file of columns `sonication`, `time_s` and/or `temperature_c`, and a displacement.
 
     The displacement is `displacement_um` or `displacement_percent` (of its value at a reference temperature), with an
-    optional `displacement_um_sd` or `displacement_percent_sd`. Without a column `sonication` all rows are one.
+    optional `displacement_um_sd` or `displacement_percent_sd` (also `displacement_sd_um`, `displacement_sd_percent`).
+    Other usual headers and units are recognised. Without a column `sonication` all rows are one.
 
     Raises:
         InputError: in one line, if the file cannot be read as that (see `inverse.datasets.table`).
