@@ -4,34 +4,43 @@ Units stand in the names of the keys. Unknown keys are refused, and so are numbe
 """
 
 import difflib
+import math
 import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import pydantic
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, AllowInfNan, BaseModel, ConfigDict, Field, Strict, model_validator
 
 from arfjax import tissues
 from arfjax.errors import InputError
 from arfjax.mechanics.viscoelastic import ShearModulus, YoungModulus
 from arfjax.model import DoseSize, Layer, Lesion, Model, tabulated_size
+from arfjax.protocols.discretisation import RIM_TO_HEAT, RIM_TO_START, relative_wavelengths
 from arfjax.protocols.stepwise import StepwiseProtocol
 from arfjax.transducer import Drive, FocusedBowl
 
+_EXAMPLE = "examples/suomi2016.toml"
+_FOCUS_MARGIN_MM = 1.0  # two of the finest elements
+_MOST_RELATIVE_WAVELENGTHS = 16.0  # more need matrices of gigabytes
 
-def _between(low: float, high: float, unit: str) -> AfterValidator:
+
+def _between(low: float, high: float, unit: str, mistaken: str) -> AfterValidator:
     """A check by magnitude, with bounds far outside what a focused-ultrasound experiment can have."""
 
     def check(value: float) -> float:
         if not low <= value <= high:
-            raise ValueError(f"{value:g} is not between {low:g} and {high:g} {unit}; is it in another unit?")
+            expected = f"expected {low:g} to {high:g}{unit and ' '}{unit}, got {value:g}"
+            raise ValueError(f"{expected}; {mistaken}" if value > 0.0 else f"{expected}; correct the number")
         return value
 
     return AfterValidator(check)
 
 
-Millimetres = Annotated[float, _between(0.2, 1000.0, "mm")]
-Celsius = Annotated[float, _between(0.0, 120.0, "degC")]
+Number = Annotated[float, Strict(), AllowInfNan(False)]
+Millimetres = Annotated[Number, _between(0.2, 1000.0, "mm", "is it in metres? Give millimetres")]
+Celsius = Annotated[Number, _between(0.0, 120.0, "degC", "is it in kelvin? Subtract 273.15")]
 
 
 class _Section(BaseModel):
@@ -42,24 +51,48 @@ class Transducer(_Section):
     """A spherical bowl with a central hole."""
 
     outer_diameter_mm: Millimetres
-    inner_diameter_mm: Annotated[float, _between(0.0, 1000.0, "mm")] = 0.0
+    inner_diameter_mm: Annotated[Number, _between(0.0, 1000.0, "mm", "give millimetres")] = 0.0
     focal_length_mm: Millimetres
-    frequency_mhz: Annotated[float, _between(0.05, 20.0, "MHz")]
-    acoustic_power_w: Annotated[float, _between(1e-3, 1e4, "W")]
+    frequency_mhz: Annotated[Number, _between(0.05, 20.0, "MHz", "is it in Hz or kHz? Give MHz")]
+    acoustic_power_w: Annotated[Number, _between(1e-3, 1e4, "W", "give watts")]
 
     @model_validator(mode="after")
     def _geometry_is_possible(self) -> "Transducer":
         if self.inner_diameter_mm >= self.outer_diameter_mm:
             raise ValueError(
-                f"the hole ({self.inner_diameter_mm:g} mm) must be smaller than the bowl "
-                f"({self.outer_diameter_mm:g} mm)"
+                f"the hole (inner_diameter_mm {self.inner_diameter_mm:g}) must be smaller than the bowl "
+                f"(outer_diameter_mm {self.outer_diameter_mm:g}); correct one of the two"
+            )
+        # A hole far smaller than the bowl is none, or is in metres.
+        if 0.0 < self.inner_diameter_mm < 1e-2 * self.outer_diameter_mm:
+            raise ValueError(
+                f"inner_diameter_mm {self.inner_diameter_mm:g} is too small beside a bowl of "
+                f"{self.outer_diameter_mm:g} mm; is it in metres? Give millimetres, or 0 for no hole"
             )
         if self.outer_diameter_mm >= 2.0 * self.focal_length_mm:
             raise ValueError(
-                f"a bowl {self.outer_diameter_mm:g} mm wide cannot have a radius of curvature of only "
-                f"{self.focal_length_mm:g} mm: it would be more than a hemisphere"
+                f"a bowl of outer_diameter_mm {self.outer_diameter_mm:g} cannot have a radius of curvature of only "
+                f"focal_length_mm {self.focal_length_mm:g}: it would be more than a hemisphere; correct one of the two"
+            )
+        if self.focal_length_mm - self.rim_depth_mm < 1e3 * RIM_TO_HEAT + _FOCUS_MARGIN_MM:
+            raise ValueError(
+                f"the focus lies only {self.focal_length_mm - self.rim_depth_mm:.3g} mm beyond the bowl's rim, and "
+                f"{1e3 * RIM_TO_HEAT + _FOCUS_MARGIN_MM:g} mm are needed; lengthen focal_length_mm or reduce "
+                "outer_diameter_mm"
+            )
+        size = relative_wavelengths(0.5e-3 * self.outer_diameter_mm, 1e6 * self.frequency_mhz)
+        if size > _MOST_RELATIVE_WAVELENGTHS:
+            raise ValueError(
+                f"a bowl of outer_diameter_mm {self.outer_diameter_mm:g} at frequency_mhz {self.frequency_mhz:g} is "
+                f"{size:.0f} times as many wavelengths wide as the paper's; up to {_MOST_RELATIVE_WAVELENGTHS:g} times "
+                "can be simulated, so reduce one of the two"
             )
         return self
+
+    @property
+    def rim_depth_mm(self) -> float:
+        """Axial distance from the bowl's apex to the plane of its rim."""
+        return self.focal_length_mm - math.sqrt(self.focal_length_mm**2 - 0.25 * self.outer_diameter_mm**2)
 
 
 class LayerSection(_Section):
@@ -67,14 +100,14 @@ class LayerSection(_Section):
 
     tissue: Literal["water", "skin", "fat", "muscle", "liver"]
     thickness_mm: Millimetres
-    perfused: bool = True
+    perfused: Annotated[bool, Strict()] = True
 
 
 class Mechanics(_Section):
     """How the moduli are to be read."""
 
     modulus: Literal["young", "shear"] = "young"
-    poisson_ratio: Annotated[float, _between(0.0, 0.49999, "")] = 0.499
+    poisson_ratio: Annotated[Number, _between(0.0, 0.49999, "", "take 0.499 for soft tissue")] = 0.499
 
 
 class LesionSection(_Section):
@@ -89,16 +122,18 @@ class Protocol(_Section):
     kind: Literal["stepwise"] = "stepwise"
     temperatures_c: list[Celsius] = Field(min_length=2)
     normalised_at_c: Celsius
-    sonication_s: Annotated[float, _between(0.1, 3600.0, "s")] = 60.0
-    push_ms: Annotated[float, _between(0.01, 20.0, "ms")] = 0.5
+    sonication_s: Annotated[Number, _between(0.1, 3600.0, "s", "is it in milliseconds? Give seconds")] = 60.0
+    push_ms: Annotated[Number, _between(0.01, 20.0, "ms", "is it in seconds? Give milliseconds")] = 0.5
 
     @model_validator(mode="after")
     def _temperatures_rise(self) -> "Protocol":
         if any(later <= earlier for earlier, later in zip(self.temperatures_c, self.temperatures_c[1:], strict=False)):
-            raise ValueError(f"temperatures_c must rise, got {self.temperatures_c}")
+            raise ValueError(f"temperatures_c must rise, got {self.temperatures_c}; sort them")
         low, high = self.temperatures_c[0], self.temperatures_c[-1]
         if not low <= self.normalised_at_c <= high:
-            raise ValueError(f"normalised_at_c {self.normalised_at_c:g} must lie in the range {low:g} to {high:g} degC")
+            raise ValueError(
+                f"normalised_at_c {self.normalised_at_c:g} must lie in the range of temperatures_c, {low:g} to {high:g}"
+            )
         return self
 
 
@@ -117,13 +152,22 @@ class Experiment(_Section):
     def _liver_is_last_and_holds_the_focus(self) -> "Experiment":
         names = [layer.tissue for layer in self.layers]
         if names[-1] != "liver" or names.count("liver") != 1 or len(names) < 2:
-            raise ValueError(f"layers must end with the only layer of liver, after at least one other, got {names}")
+            raise ValueError(
+                f"layers must end with the only layer of liver, after at least one other, got {', '.join(names)}"
+            )
         front = sum(layer.thickness_mm for layer in self.layers[:-1])
         back = front + self.layers[-1].thickness_mm
-        if not front < self.transducer.focal_length_mm < back:
+        focus = self.transducer.focal_length_mm
+        if not front + _FOCUS_MARGIN_MM <= focus <= back - _FOCUS_MARGIN_MM:
             raise ValueError(
-                f"the focus at {self.transducer.focal_length_mm:g} mm lies outside the liver, which the layers put at "
-                f"{front:g} to {back:g} mm"
+                f"the focus at focal_length_mm {focus:g} must lie {_FOCUS_MARGIN_MM:g} mm or more inside the liver, "
+                f"which the layers put at {front:g} to {back:g} mm from the bowl's apex; change a thickness_mm"
+            )
+        needed = self.transducer.rim_depth_mm + 1e3 * RIM_TO_START
+        if self.layers[0].thickness_mm <= needed:
+            raise ValueError(
+                f"the first layer must hold the bowl: its thickness_mm counts from the bowl's apex and must exceed "
+                f"{needed:.4g}, past the rim, got {self.layers[0].thickness_mm:g}"
             )
         return self
 
@@ -167,41 +211,110 @@ def read_experiment(path: str | Path) -> Experiment:
     """
     path = Path(path)
     try:
-        text = path.read_bytes().decode("utf-8")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; expected an experiment in TOML.") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as UTF-8 text ({error}); expected an experiment in TOML.") from None
-    try:
-        return Experiment.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: not valid TOML: {error}.") from None
+        return Experiment.model_validate(_read_toml(path))
     except pydantic.ValidationError as error:
         raise InputError(f"{path}: {explain(error, Experiment)}") from None
 
 
+def _read_toml(path: Path) -> dict[str, Any]:
+    expected = f"expected an experiment in TOML, such as {_EXAMPLE}."
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; {expected}") from None
+    except IsADirectoryError:
+        raise InputError(f"{path}: is a folder; {expected}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not UTF-8 text (byte {error.start}); {expected}") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); {expected}") from None
+    if not text.strip():
+        raise InputError(f"{path}: the file is empty; {expected}")
+    try:
+        return tomllib.loads(text)
+    # A number of thousands of digits is a ValueError, brackets nested as deep a RecursionError.
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not valid TOML: {str(error).rstrip('.')}; {expected}") from None
+
+
 def explain(error: pydantic.ValidationError, schema: type[BaseModel]) -> str:
-    """The first thing that a validation found wrong, in one line, with the nearest known key for an unknown one."""
-    first = error.errors()[0]
-    where = ".".join(str(part) for part in first["loc"]) or "the file as a whole"
-    if first["type"] == "extra_forbidden":
-        unknown = str(first["loc"][-1])
-        near = difflib.get_close_matches(unknown, _known_keys(schema), n=1)
-        advice = f"did you mean `{near[0]}`?" if near else "remove it."
-        return f"unknown key `{where}`; {advice}"
-    if first["type"] == "missing":
-        return f"missing key `{where}`; add it (examples/suomi2016.toml shows all)."
-    return f"`{where}`: {first['msg'].removeprefix('Value error, ')}."
+    """What a validation found wrong first, in one line; an unknown key, often a misspelt one, before a missing one."""
+    found = error.errors()
+    first = next((each for each in found if each["type"] == "extra_forbidden"), found[0])
+    where, kind = first["loc"], first["type"]
+    if kind == "extra_forbidden":
+        return f"unknown key {_place(where)}; {_advice(where, schema)}"
+    if kind == "missing" and isinstance(where[-1], str):
+        return f"missing key {_place(where)}; add it ({_EXAMPLE} shows all)."
+    place = f"{_place(where)}: " if where else ""
+    return f"{place}{_wording(first).rstrip('.')}."
 
 
-def _known_keys(schema: type[BaseModel]) -> list[str]:
-    keys = []
+_EXPECTED = {
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "bool_type": "true or false",
+    "string_type": "text in quotation marks",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "missing": "one value more",
+}
+"""What was expected, by pydantic's name of the mistake."""
+
+
+def _wording(mistake: Mapping[str, Any]) -> str:
+    kind, given = mistake["type"], _shown(mistake["input"])
+    if kind in ("value_error", "assertion_error"):
+        return mistake["msg"].partition(", ")[2]
+    if kind == "literal_error":
+        return f"expected {mistake['ctx']['expected']}, got {given}"
+    if kind == "too_short":
+        return f"expected at least {mistake['ctx']['min_length']} values, got {given}"
+    if kind == "too_long":
+        return f"expected at most {mistake['ctx']['max_length']} values, got {given}"
+    if kind in _EXPECTED:
+        return f"expected {_EXPECTED[kind]}, got {given}"
+    return f"{mistake['msg'].replace('Input should', 'the value must')}, got {given}"
+
+
+def _shown(value: object) -> str:
+    try:
+        text = repr(value)
+    except ValueError:  # Python does not print integers of thousands of digits
+        return "a number of thousands of digits"
+    return text if len(text) <= 60 else f"{text[:60]}..."
+
+
+def _dotted(where: tuple[int | str, ...]) -> str:
+    return ".".join(part for part in where if isinstance(part, str))
+
+
+def _place(where: tuple[int | str, ...]) -> str:
+    """A key, and which entry of its list, counted from one."""
+    entries = [str(part + 1) for part in where if isinstance(part, int)]
+    return f"`{_dotted(where)}`" + (f" (entry {'.'.join(entries)})" if entries else "")
+
+
+def _advice(where: tuple[int | str, ...], schema: type[BaseModel]) -> str:
+    """The known key that is nearest to an unknown one, in its own section if there is one."""
+    section, name = _dotted(where[:-1]), str(where[-1])
+    known = list(_known_keys(schema))
+    siblings = [key for key in known if key.rpartition(".")[0] == section]
+    for keys in (siblings, known):
+        near = difflib.get_close_matches(name, [key.rpartition(".")[2] for key in keys], n=1)
+        if near:
+            return f"did you mean `{next(key for key in keys if key.rpartition('.')[2] == near[0])}`?"
+    return f"remove it; known here are {', '.join(key.rpartition('.')[2] for key in siblings)}."
+
+
+def _known_keys(schema: type[BaseModel], section: str = "") -> Iterator[str]:
     for name, field in schema.model_fields.items():
-        keys.append(name)
+        yield section + name
         for candidate in (field.annotation, *getattr(field.annotation, "__args__", ())):
             if isinstance(candidate, type) and issubclass(candidate, BaseModel):
-                keys.extend(_known_keys(candidate))
-    return keys
+                yield from _known_keys(candidate, f"{section}{name}.")
 
 
 def _tissue(section: LayerSection) -> tissues.Tissue:

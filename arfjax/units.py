@@ -14,8 +14,8 @@ SECONDS_PER_MINUTE = 60.0
 MODULUS_IN_PASCAL = {"pa": 1.0, "kpa": 1e3, "mpa": 1e6, "gpa": 1e9}
 """Pascal per unit of modulus, by the unit's name in lower case."""
 
-LENGTH_IN_METRE = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9}
-"""Metre per unit of length, by the unit's name in lower case."""
+LENGTH_IN_METRE = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6, "nm": 1e-9}
+"""Metre per unit of length, by the unit's name in lower case; micro is written u, as its own sign or as a Greek mu."""
 
 REFERENCE_FREQUENCY = 1e6
 """Frequency [Hz] at which attenuation coefficients are quoted: the MHz in dB/(cm MHz^y)."""

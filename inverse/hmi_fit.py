@@ -14,12 +14,13 @@ Computation 4 (1992) 415). Errors are those of the linearised posterior.
 
 import dataclasses
 from collections.abc import Callable
+from typing import Annotated
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, Strict, model_validator
 
 from arfjax import Discretisation, Exponential, InputError, Linear, Model, NormalisedPolynomial, StepwiseProtocol
 from inverse.datasets.hmi import HmiData
@@ -40,11 +41,16 @@ class _Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+_Number = Annotated[float, Strict(), AllowInfNan(False)]
+_Celsius = Annotated[_Number, Field(ge=0.0, le=120.0)]
+_Spread = Annotated[_Number, Field(gt=0.0, le=3.0)]
+
+
 class AttenuationPrior(_Section):
     """Attenuation is fitted as its values at five temperatures, which make the five coefficients."""
 
-    anchor_temperatures_c: tuple[float, float, float, float, float] = (35.0, 45.0, 55.0, 65.0, 84.0)
-    relative_sd: float = Field(default=0.25, gt=0.0, le=2.0)
+    anchor_temperatures_c: tuple[_Celsius, _Celsius, _Celsius, _Celsius, _Celsius] = (35.0, 45.0, 55.0, 65.0, 84.0)
+    relative_sd: Annotated[_Number, Field(gt=0.0, le=2.0)] = 0.25
 
     @model_validator(mode="after")
     def _anchors_differ(self) -> "AttenuationPrior":
@@ -56,15 +62,15 @@ class AttenuationPrior(_Section):
 class LesionPrior(_Section):
     """Spread of the lesion's constants about the model's."""
 
-    branch_modulus_relative_sd: float = Field(default=0.5, gt=0.0, le=3.0)
-    branch_modulus_rate_relative_sd: float = Field(default=0.5, gt=0.0, le=3.0)
-    relaxation_time_relative_sd: float = Field(default=0.5, gt=0.0, le=3.0)
+    branch_modulus_relative_sd: _Spread = 0.5
+    branch_modulus_rate_relative_sd: _Spread = 0.5
+    relaxation_time_relative_sd: _Spread = 0.5
 
 
 class CalibrationSettings(_Section):
     """The section `[calibration]` of an experiment file."""
 
-    reference_temperature_c: float = Field(default=37.0, ge=0.0, le=120.0)
+    reference_temperature_c: _Celsius = 37.0
     attenuation: AttenuationPrior = AttenuationPrior()
     lesion: LesionPrior = LesionPrior()
 

@@ -75,6 +75,12 @@ def _sweep_in_time(data: HmiData, protocol: StepwiseProtocol, reference_temperat
             f"{data.path}: a row at {data.time.max():g} s lies after the sonication's end at {protocol.duration:g} s; "
             "set `protocol.sonication_s`, or leave those rows out."
         )
+    if not protocol.start_temperature <= reference_temperature <= protocol.final_temperature:
+        raise InputError(
+            f"{data.path}: gives times only, so the displacement is normalised to the simulated one at "
+            f"`calibration.reference_temperature_c`; {reference_temperature:g} degC must lie in the protocol's "
+            f"{protocol.start_temperature:g} to {protocol.final_temperature:g} degC."
+        )
     states, places = np.unique(data.time, return_inverse=True)
     return Sweep(protocol, reference_temperature, states, True, np.arange(len(data.time)), places)
 

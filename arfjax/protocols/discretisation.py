@@ -16,6 +16,8 @@ from arfjax.model import Model
 from arfjax.thermal.bioheat import ThermalField
 
 LIVER_RADIUS = 21e-3  # m; the paper's liver is 42 mm wide
+RIM_TO_START = 3.2e-3  # m; from the bowl's rim to the march's start
+RIM_TO_HEAT = 5e-3  # m; from the bowl's rim to the first heated cell
 _HEAT_REACH = 20e-3  # m; heat spreads sqrt(4 D t) = 6 mm in 60 s, so the walls are three times further than it gets
 
 
@@ -93,18 +95,23 @@ def march_settings(model: Model, refinement: float = 1.0) -> MarchSettings:
     default = MarchSettings()
     aperture, frequency = float(model.bowl.aperture_radius), float(model.drive.frequency)
     width = max(aperture / 32e-3, 1.0)
-    wavelengths = width * max(frequency / 1.1e6, 1.0)
+    wavelengths = relative_wavelengths(aperture, frequency)
     return MarchSettings(
         n_radial=math.ceil(refinement * default.n_radial * wavelengths),
         domain_radius=default.domain_radius * width,
         axial_step=default.axial_step / max(frequency / 1.1e6, 1.0) / refinement,
-        start_plane=float(model.bowl.rim_depth) + 3.2e-3,
+        start_plane=float(model.bowl.rim_depth) + RIM_TO_START,
         n_quadrature=math.ceil(default.n_quadrature * wavelengths),
     )
 
 
+def relative_wavelengths(aperture_radius: float, frequency: float) -> float:
+    """Wavelengths across a bowl over those across 64 mm at 1.1 MHz, for which the march's defaults are; at least 1."""
+    return max(aperture_radius / 32e-3, 1.0) * max(frequency / 1.1e6, 1.0)
+
+
 def _heat_grid(model: Model, focus: float, refinement: float) -> AxisymmetricGrid:
-    start = max(focus - _HEAT_REACH, float(model.bowl.rim_depth) + 5e-3)
+    start = max(focus - _HEAT_REACH, float(model.bowl.rim_depth) + RIM_TO_HEAT)
     stop = min(focus + _HEAT_REACH, model.liver_depth + model.liver_thickness)
     z_faces = graded_positions(start, stop, focus, finest=0.4e-3 / refinement, growth=1.1, coarsest=1.5e-3 / refinement)
     for interface in np.cumsum([layer.thickness for layer in model.path]):

@@ -1,35 +1,48 @@
 """The entry point: sets what a program may set and a library may not, runs a command, and words its errors."""
 
 import os
+import signal
 import sys
+from typing import Any
+
+_STOPPED = 130  # what shells give for Ctrl-C, and what typer may return instead of raising
 
 
 def main() -> None:
     """Run `arfjax`; a user's mistake is answered in one line on the error stream and exit status 2."""
     # Before numpy is loaded: BLAS threads slow the many small factorisations down, many times on a busy machine.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # A scheduler's request to stop cleans up as Ctrl-C does.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.exit(run(sys.argv[1:]))
 
 
 def run(arguments: list[str]) -> int:
     """Run a command line and return its exit status."""
-    import click
     import jax
+    import typer
 
     jax.config.update("jax_enable_x64", True)
     from arfjax import InputError
     from inverse.commands.app import app
 
+    # Found through a class that typer exports, because some of its versions bring their own copy of click.
+    usage_error: Any = typer.BadParameter.__mro__[1]
     try:
-        app(arguments, standalone_mode=False)
+        status = app(arguments or ["--help"], standalone_mode=False)
     except InputError as error:
         return _complain(str(error))
-    except click.ClickException as error:
-        return _complain(f"{error.format_message()} (`arfjax --help` lists commands and options)")
-    except (KeyboardInterrupt, click.Abort):
+    except usage_error as error:
+        message = error.format_message().replace("Value error, ", "")
+        return _complain(f"{message} (`arfjax --help` lists commands and options)")
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        return _complain(f"{place}{error.strerror or error}; nothing was written.")
+    except (KeyboardInterrupt, typer.Abort):
+        status = _STOPPED
+    if status == _STOPPED:
         sys.stderr.write("arfjax: stopped; nothing was written.\n")
-        return 130
-    return 0
+    return status if isinstance(status, int) else 0
 
 
 def _complain(message: str) -> int:

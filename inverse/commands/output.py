@@ -21,7 +21,9 @@ from arfjax.errors import InputError
 
 @contextlib.contextmanager
 def output_directory(out: Path) -> Iterator[Path]:
-    """A temporary folder beside `out` whose files are moved into `out` once the block ends without an error.
+    """A temporary folder whose files are moved into `out` once the block ends without an error.
+
+    It lies in `out`, or in the nearest folder above that exists, so that moving is renaming on one file system.
 
     On an error, or when interrupted, nothing is left behind, and results of an earlier run in `out` stay as they were.
     Files of other names in `out` are never touched.
@@ -30,18 +32,25 @@ def output_directory(out: Path) -> Iterator[Path]:
         InputError: if `out` is a file or cannot be written to.
     """
     out = Path(out).absolute()
-    existing = next(parent for parent in (out, *out.parents) if parent.exists())
-    if not existing.is_dir():
-        raise InputError(f"{existing}: is a file, not a folder; give --out a folder.")
     try:
-        temporary = Path(tempfile.mkdtemp(prefix=".arfjax-partial-", dir=existing if existing != out else out.parent))
+        existing = next(parent for parent in (out, *out.parents) if parent.exists())
+        if not existing.is_dir():
+            raise InputError(f"{existing}: is a file, not a folder; give --out a folder.")
+        temporary = Path(tempfile.mkdtemp(prefix=".arfjax-partial-", dir=existing))
     except OSError as error:
-        raise InputError(f"{out}: cannot be written to ({error.strerror}); give --out another folder.") from None
+        raise _unwritable(out, error) from None
     try:
         yield temporary
-        _move(temporary, out)
+        try:
+            _move(temporary, out)
+        except OSError as error:
+            raise _unwritable(out, error) from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _unwritable(out: Path, error: OSError) -> InputError:
+    return InputError(f"{out}: cannot be written to ({error.strerror}); give --out another folder.")
 
 
 def _move(source: Path, target: Path) -> None:

@@ -10,6 +10,7 @@ from arfjax.units import LENGTH_IN_METRE
 from inverse.datasets.table import TEMPERATURE_UNITS, TIME_UNITS, Columns, Quantity, read_columns
 
 _PERCENT = {"%": 1.0, "percent": 1.0, "pct": 1.0}
+_SPREAD = frozenset({"displacementsd", "dispsd", "displacementstd", "displacementstandarddeviation"})
 
 _VOCABULARY = (
     Quantity("sonication", "sonication", frozenset({"sonication", "exposure", "run", "shot"}), text=True),
@@ -19,15 +20,17 @@ _VOCABULARY = (
     Quantity(
         "displacement_percent",
         "displacement_percent",
-        frozenset({"displacementpercent", "normaliseddisplacement", "normalizeddisplacement"}),
+        # The first two need a unit beside or below them; without one they are the length above.
+        frozenset({"displacement", "disp", "displacementpercent", "normaliseddisplacement", "normalizeddisplacement"}),
         _PERCENT,
     ),
-    Quantity("displacement_sd", "displacement_um_sd", frozenset({"displacementsd"}), LENGTH_IN_METRE),
-    Quantity("displacement_percent_sd", "displacement_percent_sd", frozenset({"displacementpercentsd"}), _PERCENT),
+    Quantity("displacement_sd", "displacement_um_sd", _SPREAD, LENGTH_IN_METRE),
+    Quantity("displacement_percent_sd", "displacement_percent_sd", _SPREAD, _PERCENT),
 )
 
 _KELVIN_FROM = 200.0  # degC; the coldest tissue in kelvin is 273, the hottest in degC is 120
 _FRACTION_BELOW = 3.0  # percent; a displacement normalised to 100 does not stay below 3, one normalised to 1 does
+_LARGEST_PERCENT = 1000.0  # heating changes the displacement by less than a factor of ten
 _LARGEST_DISPLACEMENT = 1e-2  # m; HMI moves tissue by micrometres
 _SMALLEST_DISPLACEMENT = 1e-10  # m
 
@@ -70,7 +73,8 @@ def read_hmi(path: str | Path) -> HmiData:
     """Read a file of columns `sonication`, `time_s` and/or `temperature_c`, and a displacement.
 
     The displacement is `displacement_um` or `displacement_percent` (of its value at a reference temperature), with an
-    optional `displacement_um_sd` or `displacement_percent_sd`. Without a column `sonication` all rows are one.
+    optional `displacement_um_sd` or `displacement_percent_sd` (also `displacement_sd_um`, `displacement_sd_percent`).
+    Other usual headers and units are recognised. Without a column `sonication` all rows are one.
 
     Raises:
         InputError: in one line, if the file cannot be read as that (see `inverse.datasets.table`).
@@ -85,9 +89,15 @@ def read_hmi(path: str | Path) -> HmiData:
     if len(table.rows) < 2:
         table.refuse("only one row; a curve needs at least two measurements.")
     sonication = columns.labels.get("sonication", ("1",) * len(table.rows))
+    if "" in sonication:
+        table.refuse(
+            "the cell is empty; name the row's sonication.",
+            row=sonication.index(""),
+            column=columns.header("sonication"),
+        )
     _check_temperature(columns)
     _check_displacement(columns, name)
-    sd = _standard_deviation(columns, f"{name}_sd")
+    sd = _standard_deviation(columns, name)
     data = HmiData(
         path=Path(path),
         sonication=sonication,
@@ -116,7 +126,7 @@ def _displacement_column(columns: Columns) -> str:
     if len(present) == 2:
         columns.table.refuse("displacement is given both in percent and as a length; keep one of the two columns.")
     name = present[0]
-    if name == "displacement" and columns.found[name].unit is None:
+    if name == "displacement" and _bare(columns, name):
         columns.table.refuse(
             "the displacement has no unit; call the column 'displacement_um'.", column=columns.header(name)
         )
@@ -145,23 +155,45 @@ def _check_displacement(columns: Columns, name: str) -> None:
     for row, value in enumerate(values):
         if value <= 0.0:
             columns.table.refuse("the displacement must be positive.", row=row, column=header)
-    if name == "displacement_percent" and values.max() < _FRACTION_BELOW:
-        columns.table.refuse(f"values up to {values.max():g} look like fractions; multiply them by 100.", column=header)
-    if name == "displacement" and not _SMALLEST_DISPLACEMENT < values.max() < _LARGEST_DISPLACEMENT:
+    highest = float(values.max())
+    if name == "displacement_percent" and highest < _FRACTION_BELOW:
+        columns.table.refuse(f"values up to {highest:g} look like fractions; multiply them by 100.", column=header)
+    if name == "displacement_percent" and highest > _LARGEST_PERCENT:
         columns.table.refuse(
-            f"a largest displacement of {values.max():.3g} m is not one of HMI (nanometres to millimetres); "
+            f"a displacement of {highest:g} percent of its reference is not plausible; is it a length? Then call the "
+            "column 'displacement_um'.",
+            column=header,
+        )
+    if name == "displacement" and not _SMALLEST_DISPLACEMENT < highest < _LARGEST_DISPLACEMENT:
+        columns.table.refuse(
+            f"a largest displacement of {highest:.3g} m is not one of HMI (nanometres to millimetres); "
             "is the unit in the header right?",
             column=header,
         )
 
 
-def _standard_deviation(columns: Columns, name: str) -> Float[np.ndarray, " n"] | None:
-    if name not in columns.numbers:
+def _standard_deviation(columns: Columns, displacement: str) -> Float[np.ndarray, " n"] | None:
+    """Standard deviation of a displacement, in the displacement's own unit."""
+    in_percent = displacement == "displacement_percent"
+    expected = "displacement_percent_sd" if in_percent else "displacement_um_sd"
+    wanted, other = f"{displacement}_sd", "displacement_sd" if in_percent else "displacement_percent_sd"
+    without_unit = wanted in columns.found and not in_percent and _bare(columns, wanted)
+    if other in columns.found or without_unit:
+        columns.table.refuse(
+            f"the standard deviation must be in the unit of the displacement, '{columns.header(displacement)}'; call "
+            f"the column '{expected}', or remove it.",
+            column=columns.header(wanted if without_unit else other),
+        )
+    if wanted not in columns.found:
         return None
-    for row, value in enumerate(columns.numbers[name]):
+    for row, value in enumerate(columns.numbers[wanted]):
         if value <= 0.0:
-            columns.table.refuse("a standard deviation must be positive.", row=row, column=columns.header(name))
-    return columns.numbers[name]
+            columns.table.refuse("a standard deviation must be positive.", row=row, column=columns.header(wanted))
+    return columns.numbers[wanted]
+
+
+def _bare(columns: Columns, name: str) -> bool:
+    return columns.found[name].unit is None
 
 
 def _check_time(columns: Columns, data: HmiData) -> None:

@@ -27,6 +27,7 @@ TEMPERATURE_UNITS = {
 """Factor and offset to degC by the unit's name in lower case."""
 TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 """Seconds per unit of time by the unit's name in lower case."""
+_TOO_LARGE = 1e150  # squares of larger numbers overflow
 NO_UNIT = ("", "-", "1", "none")
 
 
@@ -112,7 +113,7 @@ def refuse(path: Path, problem: str, *, line: int | None = None, column: str | N
         place += f", line {line}"
     if column is not None:
         place += f", column '{column}'"
-    raise InputError(" ".join(f"{place}: {problem}".split()))
+    raise InputError(f"{place}: {problem}")
 
 
 def read_table(path: Path) -> Table:
@@ -187,13 +188,18 @@ def normalised(name: str) -> str:
     return re.sub(r"[^a-z0-9'*|]", "", name.lower())
 
 
+def shortened(cell: str, length: int = 40) -> str:
+    """The beginning of a cell, for messages."""
+    return cell if len(cell) <= length else f"{cell[:length]}..."
+
+
 def _read_text(path: Path) -> str:
-    if not path.exists():
-        refuse(path, "no such file; check the path.")
-    if path.is_dir():
-        refuse(path, "is a folder; give the CSV file inside it.")
     try:
+        if path.is_dir():
+            refuse(path, "is a folder; give the CSV file inside it.")
         content = path.read_bytes()
+    except FileNotFoundError:
+        refuse(path, "no such file; check the path.")
     except OSError as error:
         refuse(path, f"cannot be read ({error.strerror}); check its permissions.")
     if content.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
@@ -231,12 +237,22 @@ def _split_unit(header: str) -> tuple[str, str | None]:
     return (comma[1], comma[2]) if comma else (header, None)
 
 
-def _recognise(header: str, vocabulary: Sequence[Quantity]) -> tuple[Quantity, str | None] | None:
-    """The quantity that a header names, and its unit as written."""
-    for name, unit in ((header, None), _split_unit(header)):
+def _recognise(
+    header: str, vocabulary: Sequence[Quantity], below: str | None = None
+) -> tuple[Quantity, str | None] | None:
+    """The quantity that a header names, and its unit as written there or in the cell `below` it.
+
+    Of two quantities of one name the unit decides, as between a displacement in micrometres and one in percent.
+    """
+    split, unit = _split_unit(header)
+    for name, known in ((split, unit), (header, below)):
+        for quantity in vocabulary:
+            if known is not None and known.lower() in quantity.units and _names(name, quantity):
+                return quantity, known
+    for name, known in ((header, below), (split, unit)):
         for quantity in vocabulary:
             if _names(name, quantity):
-                return quantity, unit
+                return quantity, known
     for name, unit in _suffixes(header):
         for quantity in vocabulary:
             if _names(name, quantity) and unit.lower() in quantity.units:
@@ -262,12 +278,10 @@ def _suffixes(header: str) -> Iterator[tuple[str, str]]:
 def _match(table: Table, vocabulary: Sequence[Quantity], units: Sequence[str] | None) -> dict[str, Column]:
     found: dict[str, Column] = {}
     for index, header in enumerate(table.header):
-        recognised = _recognise(header, vocabulary)
+        recognised = _recognise(header, vocabulary, None if units is None else units[index])
         if recognised is None:
             continue
         quantity, unit = recognised
-        if unit is None and units is not None:
-            unit = units[index]
         if quantity.name in found:
             other = found[quantity.name].header
             table.refuse(f"means the same as column '{other}'; remove one of the two.", column=header)
@@ -286,12 +300,13 @@ def _units_row(table: Table, vocabulary: Sequence[Quantity]) -> tuple[str, ...] 
         return None
     first, hits = table.rows[0], 0
     for header, cell in zip(table.header, first, strict=True):
-        recognised = _recognise(header, vocabulary)
+        unit = cell.strip("()[]")
+        recognised = _recognise(header, vocabulary, unit)
         if recognised is None or recognised[0].text:
             continue
         if _parse(cell) is not None:
             return None
-        hits += cell.lower() in recognised[0].units
+        hits += unit.lower() in recognised[0].units
     return tuple(cell.strip("()[]") for cell in first) if hits else None
 
 
@@ -301,15 +316,25 @@ def _numbers(table: Table, column: Column) -> Float[np.ndarray, " n"]:
         cell = row[column.index]
         value = _parse(cell)
         if value is None:
-            shown = f"'{cell}' is not a number" if cell else "the cell is empty"
+            shown = f"'{shortened(cell)}' is not a number" if cell else "the cell is empty"
             hint = "; write decimals with a point" if re.fullmatch(r"[-+]?\d+,\d+", cell) else ""
             table.refuse(f"{shown}; expected a finite number{hint}.", row=index, column=column.header)
         if not np.isfinite(value):
-            table.refuse(f"'{cell}' is not finite; remove the row.", row=index, column=column.header)
+            table.refuse(f"'{shortened(cell)}' is not finite; remove the row.", row=index, column=column.header)
         values[index] = value
     conversion = 1.0 if column.unit is None else column.quantity.units[column.unit.lower()]
     factor, offset = conversion if isinstance(conversion, tuple) else (conversion, 0.0)
-    return values * factor + offset
+    with np.errstate(over="ignore"):
+        converted = values * factor + offset
+    too_large = ~(np.abs(converted) < _TOO_LARGE)
+    if np.any(too_large):
+        row = int(np.argmax(too_large))
+        table.refuse(
+            f"'{shortened(table.rows[row][column.index])}' is too large to be measured; correct or remove the row.",
+            row=row,
+            column=column.header,
+        )
+    return converted
 
 
 def _parse(cell: str) -> float | None:

@@ -42,6 +42,21 @@ def test_a_file_is_no_folder(tmp_path):
         pass
 
 
+def test_nothing_is_left_where_results_cannot_go(tmp_path, monkeypatch):
+    (tmp_path / "out" / "a.txt").mkdir(parents=True)
+    with pytest.raises(InputError, match="out: cannot be written to"), output_directory(tmp_path / "out") as folder:
+        (folder / "a.txt").write_text("a file where a folder is")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["a.txt"]
+
+    def refused(**_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("tempfile.mkdtemp", refused)
+    with pytest.raises(InputError, match="Permission denied"), output_directory(tmp_path / "new"):
+        pass
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
 def test_summary(tmp_path):
     data = tmp_path / "data.csv"
     data.write_text("a,b\n")

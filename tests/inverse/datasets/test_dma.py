@@ -6,6 +6,7 @@ import pytest
 from arfjax.errors import InputError
 from inverse.datasets.dma import DmaData, group_sweeps, read_dma
 from inverse.datasets.shipped import shipped, shipped_names
+from tests.mutations import mutations
 
 HEADER = "frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa"
 ROWS = "0.1,37,1200,100\n1,37.2,1500,200\n10,37.1,1900,250\n"
@@ -81,6 +82,7 @@ BAD = {
     "text": (GOOD + "20,warm,1500,100\n", "line 5, column 'temperature_c': 'warm' is not a number"),
     "blank cell": (GOOD + "20,37,,100\n", "the cell is empty"),
     "decimal comma": (GOOD.replace(",", ";") + "20;37;1500,5;100\n", "write decimals with a point"),
+    "too large": (GOOD + "20,37,1e300,100\n", "line 5, column 'storage_modulus_pa': '1e300' is too large"),
     "negative storage": (GOOD + "20,37,-1500,100\n", "storage modulus -1500 must be positive"),
     "negative loss": (GOOD + "20,37,1500,-1\n", "loss modulus -1 must be zero or positive"),
     "zero frequency": (GOOD + "0,37,1500,100\n", "frequency 0 is not positive"),
@@ -127,6 +129,19 @@ def test_missing_file_and_folder(tmp_path):
             read_dma(path)
 
 
+def test_damaged_files_are_read_or_refused_in_one_line(tmp_path):
+    content = shipped("pyvisco_polymer").read_bytes()
+    refused = 0
+    for damaged in mutations(b"".join(content.splitlines(keepends=True)[:40]), seed=1, count=200):
+        path = write(tmp_path, damaged)
+        try:
+            read_dma(path)
+        except InputError as error:
+            refused += 1
+            assert len(str(error).splitlines()) == 1 and str(path) in str(error)
+    assert refused > 20
+
+
 @pytest.mark.parametrize("name", ["kelvin", "kilopascal", "too stiff"])
 def test_trusted_units(tmp_path, name):
     assert len(read_dma(write(tmp_path, BAD[name][0]), trust_units=True)) >= 2
@@ -144,7 +159,7 @@ def test_sweeps_are_split_at_a_kelvin_and_sorted():
 
 def test_shipped_sets_are_whole_and_licensed():
     rows = {"pyvisco_polymer": (210, 21, 10), "nist_foam": (995, 68, 1)}
-    assert set(shipped_names()) == set(rows)
+    assert set(shipped_names()) == {*rows, "suomi2016_hmi", "suomi2016_experiment"}
     for name, (count, n_sweeps, n_frequencies) in rows.items():
         data = read_dma(shipped(name))
         sweeps = group_sweeps(data)

@@ -1,0 +1,264 @@
+"""Every kind of bad input to every command: one line, exit status 2, no file left behind, earlier results kept."""
+
+import contextlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from inverse.commands.main import run
+from inverse.commands.output import output_directory
+
+ROOT = Path(__file__).parents[3]
+EXAMPLE = (ROOT / "examples" / "suomi2016.toml").read_text(encoding="utf-8")
+DMA = "frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa\n0.1,37,1200,100\n1,37,1500,200\n10,37,1900,250\n"
+HMI = "sonication,temperature_c,displacement_percent\na,37,100\na,50,98\n"
+TIMES = "time_s,displacement_percent\n0,100\n60,98\n"
+
+ABSENT, FOLDER = object(), object()
+
+ANY_TABLE = {
+    "no such file": ABSENT,
+    "a folder": FOLDER,
+    "empty": "",
+    "binary": b"\x89PNG\r\n\x1a\n\x00\x00\xff",
+    "null bytes": b"a,b\x00\n1,2\n",
+    "workbook": b"PK\x03\x04rest",
+}
+BAD_DMA = ANY_TABLE | {
+    "header only": DMA.splitlines()[0] + "\n",
+    "missing column": "frequency_hz,temperature_c,storage_modulus_pa\n1,37,1200\n2,37,1300\n",
+    "NaN": DMA + "20,37,nan,100\n",
+    "text": DMA + "20,37,soft,100\n",
+    "negative modulus": DMA + "20,37,-1900,100\n",
+    "zero frequency": DMA + "0,37,1900,100\n",
+    "ragged row": DMA + "20,37,1900\n",
+    "one row": "".join(DMA.splitlines(keepends=True)[:2]),
+    "kelvin": DMA.replace("37", "310"),
+    "kilopascal": DMA.splitlines()[0] + "\n1,37,1.5,0.2\n2,37,1.6,0.3\n",
+    "truncated": DMA[: DMA.rindex(",")],
+}
+BAD_HMI = ANY_TABLE | {
+    "header only": HMI.splitlines()[0] + "\n",
+    "missing column": "sonication,temperature_c\na,37\na,50\n",
+    "NaN": HMI + "a,nan,97\n",
+    "text": HMI + "a,warm,97\n",
+    "negative displacement": HMI + "a,60,-97\n",
+    "ragged row": HMI + "a,60\n",
+    "one row": "".join(HMI.splitlines(keepends=True)[:2]),
+    "kelvin": HMI.replace("37", "310").replace("50", "323"),
+    "fraction": HMI.replace("100", "1.0").replace("98", "0.98"),
+    "unsorted time": TIMES + "30,99\n",
+    "after the end": TIMES + "90,97\n",
+    "below the start": HMI + "b,20,100\nb,50,98\n",
+    "never heated": HMI + "b,36,100\nb,36.5,98\n",
+}
+BAD_EXPERIMENTS = {
+    "no such file": ABSENT,
+    "a folder": FOLDER,
+    "empty": "",
+    "binary": b"\x89PNG\r\n\x1a\n\x00\x00\xff",
+    "broken": EXAMPLE.replace("[transducer]", "[transducer"),
+    "truncated": EXAMPLE[: EXAMPLE.index("[protocol]")],
+    "unknown key": EXAMPLE.replace("push_ms", "push_us"),
+    "missing key": EXAMPLE.replace("frequency_mhz = 1.1", ""),
+    "text": EXAMPLE.replace("62.6", '"62.6"'),
+    "NaN": EXAMPLE.replace("62.6", "nan"),
+    "metres": EXAMPLE.replace("62.6", "0.0626"),
+    "zero frequency": EXAMPLE.replace("= 1.1", "= 0"),
+    "kelvin": EXAMPLE.replace("[35.0, 40.0", "[308.0, 313.0"),
+    "impossible geometry": EXAMPLE.replace("= 64.0", "= 130.0"),
+    "focus outside": EXAMPLE.replace("thickness_mm = 40.0", "thickness_mm = 4.0"),
+}
+ANCHORS = "anchor_temperatures_c = [35.0, 45.0, 55.0, 65.0, 84.0]"
+BAD_CALIBRATIONS = {
+    "unknown key": (("reference_temperature_c", "reference_temprature_c"), "did you mean `reference_temperature_c`?"),
+    "unknown key below": (
+        ("[calibration.lesion]", "[calibration.lesion]\nrelaxation_time_sd = 1.0"),
+        "unknown key `lesion.relaxation_time_sd`; did you mean `lesion.relaxation_time_relative_sd`?",
+    ),
+    "unknown section": (("[calibration.lesion]", "[calibration.scar]"), "unknown key `scar`"),
+    "text": (
+        ("relative_sd = 0.25", 'relative_sd = "wide"'),
+        "`attenuation.relative_sd`: expected a number, got 'wide'",
+    ),
+    "negative": (("relative_sd = 0.25", "relative_sd = -0.25"), "must be greater than 0, got -0.25"),
+    "NaN": (("relative_sd = 0.25", "relative_sd = nan"), "expected a finite number"),
+    "percent": (("relative_sd = 0.25", "relative_sd = 25.0"), "must be less than or equal to 2, got 25.0"),
+    "kelvin": (("_c = 37.0", "_c = 310.15"), "`reference_temperature_c`: the value must be less than or equal to 120"),
+    "too few anchors": ((ANCHORS, "anchor_temperatures_c = [35.0, 84.0]"), "expected one value more"),
+    "too many anchors": ((ANCHORS, ANCHORS.replace("84.0", "75.0, 84.0")), "expected at most 5 values"),
+    "falling anchors": ((ANCHORS, ANCHORS.replace("45.0", "65.0")), "anchor_temperatures_c must rise"),
+    "NaN anchor": ((ANCHORS, ANCHORS.replace("45.0", "nan")), "(entry 2): expected a finite number"),
+    "no table": (('title = "Suomi', 'calibration = 3\ntitle = "Suomi'), "not valid TOML"),
+}
+
+
+def place(path, content):
+    if content is FOLDER:
+        path.mkdir()
+    elif content is not ABSENT:
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return str(path)
+
+
+def tree(folder):
+    return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
+
+
+def assert_refused(capfd, tmp_path, arguments, *, names=""):
+    """The command line is answered in one line with exit status 2, with or without earlier results in the way."""
+    for out in (tmp_path / "new" / "out", tmp_path / "old"):
+        (tmp_path / "old").mkdir(exist_ok=True)
+        (tmp_path / "old" / "summary.json").write_text("earlier")
+        before = tree(tmp_path)
+        assert run([*arguments, "--out", str(out)]) == 2
+        assert tree(tmp_path) == before
+        printed = capfd.readouterr()
+        message = printed.err
+        assert message.count("\n") == 1 and message.startswith("arfjax: ") and message.endswith("\n")
+        assert names in message and "Traceback" not in message and printed.out == ""
+    return message
+
+
+@pytest.mark.parametrize("content", BAD_DMA.values(), ids=BAD_DMA.keys())
+def test_fit_dma(capfd, tmp_path, content):
+    data = place(tmp_path / "measured.csv", content)
+    assert_refused(capfd, tmp_path, ["fit-dma", data], names=data)
+
+
+@pytest.mark.parametrize("content", BAD_EXPERIMENTS.values(), ids=BAD_EXPERIMENTS.keys())
+def test_experiments(capfd, tmp_path, content):
+    experiment, hmi = place(tmp_path / "experiment.toml", content), place(tmp_path / "hmi.csv", HMI)
+    commands = (["simulate", experiment], ["calibrate", experiment, "--hmi", hmi])
+    for arguments in (*commands, ["reproduce", "--experiment", experiment]):
+        assert_refused(capfd, tmp_path, arguments, names=experiment)
+
+
+@pytest.mark.parametrize("content", BAD_HMI.values(), ids=BAD_HMI.keys())
+def test_calibrate_measurements(capfd, tmp_path, content):
+    experiment, hmi = place(tmp_path / "experiment.toml", EXAMPLE), place(tmp_path / "hmi.csv", content)
+    assert_refused(capfd, tmp_path, ["calibrate", experiment, "--hmi", hmi], names=hmi)
+
+
+@pytest.mark.parametrize(("replacement", "cause"), BAD_CALIBRATIONS.values(), ids=BAD_CALIBRATIONS.keys())
+def test_calibrate_settings(capfd, tmp_path, replacement, cause):
+    assert replacement[0] in EXAMPLE
+    experiment, hmi = place(tmp_path / "e.toml", EXAMPLE.replace(*replacement, 1)), place(tmp_path / "h.csv", HMI)
+    assert cause in assert_refused(capfd, tmp_path, ["calibrate", experiment, "--hmi", hmi], names=experiment)
+
+
+@pytest.mark.parametrize("table", [HMI, TIMES])
+def test_reference_outside_the_protocol(capfd, tmp_path, table):
+    experiment = place(
+        tmp_path / "e.toml", EXAMPLE.replace("reference_temperature_c = 37.0", "reference_temperature_c = 34")
+    )
+    hmi = place(tmp_path / "hmi.csv", table)
+    assert "34 degC" in assert_refused(capfd, tmp_path, ["calibrate", experiment, "--hmi", hmi], names=hmi)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "cause"),
+    [
+        (["fit-dma", "{data}"], "Missing option '--out'"),
+        (["fit-dma"], "Missing argument"),
+        (["fit-dma", "{data}", "--out", "{data}"], "measured.csv: is a file, not a folder"),
+        (["fit-dma", "{data}", "--out", "{data}/below"], "measured.csv: is a file, not a folder"),
+        (["fit-dma", "{data}", "--out", "out", "--colour", "red"], "No such option: --colour"),
+        (["fit-dma", "{data}", "--out", "out", "--starts", "0"], "Invalid value for '--starts'"),
+        (["fit-dma", "{data}", "--out", "out", "--seed", "x"], "Invalid value for '--seed'"),
+        (["fit-dma", "{data}", "--out", "out", "--model", "maxwell"], "'maxwell' is not one of"),
+        (["fit-dma", "{data}", "{data}", "--out", "out"], "unexpected extra argument"),
+        (["fit-dna", "{data}", "--out", "out"], "No such command 'fit-dna'"),
+        (["simulate", "--out", "out"], "Missing argument"),
+        (["calibrate", "{data}", "--out", "out"], "Missing option '--hmi'"),
+        (["reproduce"], "Missing option '--out'"),
+        (["data", "unknown"], "no shipped data set is called 'unknown'"),
+    ],
+)
+def test_command_lines(capfd, tmp_path, monkeypatch, arguments, cause):
+    monkeypatch.chdir(tmp_path)
+    data = place(tmp_path / "measured.csv", DMA)
+    before = tree(tmp_path)
+    assert run([argument.format(data=data) for argument in arguments]) == 2
+    printed = capfd.readouterr()
+    assert printed.err.startswith("arfjax: ") and printed.err.count("\n") == 1 and cause in printed.err
+    assert printed.out == "" and tree(tmp_path) == before
+
+
+def test_out_that_cannot_be_written(capfd, tmp_path, monkeypatch):
+    def refused(**_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("tempfile.mkdtemp", refused)
+    data = place(tmp_path / "measured.csv", DMA)
+    assert "cannot be written to (Permission denied)" in assert_refused(capfd, tmp_path, ["fit-dma", data])
+
+
+def test_full_disk(capfd, tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("inverse.commands.fit_dma.fit_sweeps", full)
+    data = place(tmp_path / "measured.csv", DMA)
+    assert "No space left on device" in assert_refused(capfd, tmp_path, ["fit-dma", data])
+
+
+def test_no_arguments_show_the_help(capfd):
+    assert run([]) == 0
+    printed = capfd.readouterr()
+    assert "Usage" in printed.out and printed.err == ""
+
+
+@contextlib.contextmanager
+def interrupted_output(out):
+    with output_directory(out) as folder:
+        (folder / "summary.json").write_text("half")
+        raise KeyboardInterrupt
+        yield
+
+
+@pytest.mark.parametrize("command", ["fit_dma", "simulate", "calibrate", "reproduce"])
+def test_an_interrupt_leaves_nothing(capfd, tmp_path, monkeypatch, command):
+    monkeypatch.setattr(f"inverse.commands.{command}.output_directory", interrupted_output)
+    experiment, dma = place(tmp_path / "experiment.toml", EXAMPLE), place(tmp_path / "dma.csv", DMA)
+    hmi = place(tmp_path / "hmi.csv", HMI)
+    inputs = {"fit_dma": [dma], "simulate": [experiment], "calibrate": [experiment, "--hmi", hmi], "reproduce": []}
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "summary.json").write_text("earlier")
+    before = tree(tmp_path)
+    for out in ("new", "old"):
+        assert run([command.replace("_", "-"), *inputs[command], "--out", str(tmp_path / out)]) == 130
+        assert capfd.readouterr().err == "arfjax: stopped; nothing was written.\n"
+        assert tree(tmp_path) == before
+
+
+def program(code, *arguments):
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments], env=environment, capture_output=True, text=True, timeout=120
+    )
+
+
+def test_the_program_itself(tmp_path):
+    data = place(tmp_path / "measured.csv", BAD_DMA["zero frequency"])
+    code = "from inverse.commands.main import main; main()"
+    done = program(code, "fit-dma", data, "--out", str(tmp_path / "out"))
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr == f"arfjax: {data}, line 5, column 'frequency_hz': " + done.stderr.partition("': ")[2]
+    assert "frequency 0 is not positive" in done.stderr and done.stderr.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["measured.csv"]
+
+
+def test_a_request_to_terminate_leaves_nothing(tmp_path):
+    data = place(tmp_path / "measured.csv", DMA)
+    code = (
+        "import os, signal, inverse.commands.fit_dma as command; from inverse.commands.main import main; "
+        "command.fit_sweeps = lambda *_, **__: os.kill(os.getpid(), signal.SIGTERM); main()"
+    )
+    done = program(code, "fit-dma", data, "--out", str(tmp_path / "out"))
+    assert done.returncode == 130 and done.stderr.endswith("arfjax: stopped; nothing was written.\n")
+    assert "Traceback" not in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["measured.csv"]
