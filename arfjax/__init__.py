@@ -43,6 +43,7 @@ from arfjax.model import Lesion as Lesion
 from arfjax.model import Model as Model
 from arfjax.model import TabulatedSize as TabulatedSize
 from arfjax.model import tabulated_size as tabulated_size
+from arfjax.protocols.discretisation import DISPLACEMENT_ACCURACY as DISPLACEMENT_ACCURACY
 from arfjax.protocols.discretisation import Discretisation as Discretisation
 from arfjax.protocols.discretisation import discretise as discretise
 from arfjax.protocols.stepwise import Heating as Heating

@@ -21,8 +21,13 @@ RIM_TO_HEAT = 5e-3  # m; from the bowl's rim to the first heated cell
 _HEAT_REACH = 20e-3  # m; heat spreads sqrt(4 D t) = 6 mm in 60 s, so the walls are three times further than it gets
 
 
+DISPLACEMENT_ACCURACY = 3e-3
+"""Relative error of the focal displacement that the default spacings and steps make on the paper's case, measured
+against three times finer ones everywhere; the normalised curve is within 0.2 percent points."""
+
+
 class Discretisation(eqx.Module):
-    """Grids, mesh and steps.
+    """Grids, mesh and steps; `discretise` makes them to `DISPLACEMENT_ACCURACY`.
 
     Attributes:
         focus: Axial position at which displacement and temperature are read: the geometric focus [m].
@@ -114,12 +119,23 @@ def _heat_grid(model: Model, focus: float, refinement: float) -> AxisymmetricGri
     start = max(focus - _HEAT_REACH, float(model.bowl.rim_depth) + RIM_TO_HEAT)
     stop = min(focus + _HEAT_REACH, model.liver_depth + model.liver_thickness)
     z_faces = graded_positions(start, stop, focus, finest=0.4e-3 / refinement, growth=1.1, coarsest=1.5e-3 / refinement)
-    for interface in np.cumsum([layer.thickness for layer in model.path]):
-        nearest = int(np.argmin(np.abs(z_faces - interface)))
-        # Conductivity may jump only at faces; the two walls stay where they are.
-        if 0 < nearest < len(z_faces) - 1:
-            z_faces[nearest] = interface
+    inside = [depth for depth in np.cumsum([layer.thickness for layer in model.path]) if start < depth < stop]
     r_faces = graded_positions(
         0.0, _HEAT_REACH, 0.0, finest=0.1e-3 / refinement, growth=1.1, coarsest=1.5e-3 / refinement
     )
-    return AxisymmetricGrid(r_faces, z_faces)
+    return AxisymmetricGrid(r_faces, _with_faces(z_faces, inside))
+
+
+def _with_faces(z_faces: Float[np.ndarray, " n"], interfaces: list[float]) -> Float[np.ndarray, " m"]:
+    """The faces with one at every interface, because conductivity may jump only at faces.
+
+    The nearest face moves there, unless it is a wall or stands at another interface already: then one is added.
+    """
+    faces, taken = [float(face) for face in z_faces], {float(z_faces[0]), float(z_faces[-1])}
+    for interface in map(float, interfaces):
+        nearest = min(faces, key=lambda face: abs(face - interface))
+        if nearest not in taken:
+            faces.remove(nearest)
+        faces = sorted({*faces, interface})
+        taken.add(interface)
+    return np.asarray(faces)

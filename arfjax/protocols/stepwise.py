@@ -28,8 +28,6 @@ from arfjax.thermal.bioheat import focal_temperature, solve_bioheat
 from arfjax.thermal.dose import cumulative_equivalent_minutes
 from arfjax.thermal.lesion import LesionSize, lesion_size
 
-Positions = Float[np.ndarray, " n"]
-
 
 class StepwiseProtocol(eqx.Module):
     """What is done to the tissue.
@@ -94,8 +92,8 @@ def layered_field(
     protocol: StepwiseProtocol,
     settings: Discretisation,
     *,
-    r: Positions,
-    z: Positions,
+    r: Float[np.ndarray, " r"],
+    z: Float[np.ndarray, " z"],
 ) -> HarmonicField:
     """Sound field at radii r and depths z [m], the liver at `temperature` and the path at the start temperature."""
     path = [AcousticLayer(layer.tissue.acoustic(protocol.start_temperature), layer.thickness) for layer in model.path]
@@ -193,7 +191,7 @@ def run_stepwise(
         settings: Grids, mesh and steps; close over them under `jit`, because their positions must be concrete.
         heating: The sonication, where it has been simulated already.
 
-    Accuracy: see `Discretisation`.
+    Accuracy: `DISPLACEMENT_ACCURACY`, with the default discretisation.
     """
     heating = simulate_heating(model, protocol, settings) if heating is None else heating
     steps = _prepare(model, temperatures, protocol, settings, heating)
@@ -246,7 +244,9 @@ def _prepare(
     return temperatures, lesions, forces
 
 
-def range_notes(model: Model, temperature: Positions, lesion_length: Positions) -> list[str]:
+def range_notes(
+    model: Model, temperature: Float[np.ndarray, " step"], lesion_length: Float[np.ndarray, " step"]
+) -> list[str]:
     """What the model's laws have to say about the steps' temperatures [degC] that lie outside their range.
 
     The lesion's laws speak only for the steps in which there is a lesion, that is a length [m] above zero.

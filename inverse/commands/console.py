@@ -16,9 +16,8 @@ def show_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]
         table.add_column(Text(column), no_wrap=True, justify="left" if index < left else "right")
     for row in rows:
         table.add_row(*map(Text, row))
-    console = Console()
-    needed = console.measure(table, options=console.options.update(max_width=1000)).maximum
-    console.print(table, width=max(needed, 1), crop=False, soft_wrap=True)
+    wide = Console(width=1000)
+    Console(width=max(Console().width, wide.measure(table).maximum)).print(table)
 
 
 def show_lines(lines: Sequence[str], *, style: str = "") -> None:

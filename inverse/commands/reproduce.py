@@ -13,6 +13,7 @@ import typer
 
 from arfjax import (
     DoseSize,
+    InputError,
     Model,
     StepwiseProtocol,
     StepwiseResult,
@@ -45,6 +46,12 @@ def reproduce(
     """
     path = shipped("suomi2016_experiment") if experiment is None else experiment
     described = read_experiment(path)
+    steps = described.protocol.temperatures_c
+    if steps[0] != _TEMPERATURES[0] or steps[-1] != _TEMPERATURES[-1]:
+        raise InputError(
+            f"{path}: the paper's protocol goes from 35 to 70 degC, this one from {steps[0]:g} to {steps[-1]:g}; "
+            "set `protocol.temperatures_c`, or use `arfjax simulate`."
+        )
     sizes: dict[str, DoseSize | TabulatedSize] = {"dose": DoseSize(), "table 3": tabulated_size()}
     with output_directory(out) as folder:
         with progress_bar(1 + len(sizes)) as step:

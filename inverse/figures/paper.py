@@ -11,6 +11,8 @@ from inverse.datasets.hmi import HmiData
 from inverse.figures.calibration import draw_measured
 from inverse.reproduction import modulus_magnitude
 
+_TITLES = {"zener": "conventional Zener model", "fractional-zener": "fractional Zener model"}
+
 
 def draw_attenuation() -> Figure:
     """The attenuation polynomial over its range and beyond, where it is extrapolated."""
@@ -42,11 +44,9 @@ def draw_paper_moduli() -> Figure:
             if model == name:
                 colour = COLOURS[list(table).index(temperature)]
                 axes.plot(at, stated, "o", markerfacecolor="white", color=colour)
-        tidy(
-            axes, x="frequency [Hz]", y="|M| [kPa]" if name == "zener" else "", title=f"{name.replace('-', ' ')} model"
-        )
+        tidy(axes, x="frequency [Hz]", y="|M| [kPa]" if name == "zener" else "", title=_TITLES[name])
     panels[0].plot([], [], "o", markerfacecolor="white", color="0.3", label="stated in the text")
-    panels[0].legend(frameon=False, fontsize="small")
+    figure.legend(*panels[0].get_legend_handles_labels(), frameon=False, fontsize="small", loc="outside right center")
     return figure
 
 
