@@ -9,19 +9,19 @@ export OPENBLAS_NUM_THREADS ?= 1
 .PHONY: demo test test-fast lint types format lock benchmark clean
 
 demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measurements
-	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data nrel-pyvisco) --out results/demo/dma
+	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data pyvisco_polymer) --out results/demo/dma
 	$(BIN)/arfjax simulate examples/suomi2016.toml --out results/demo/simulate
-	$(BIN)/arfjax calibrate examples/suomi2016.toml --hmi $$($(BIN)/arfjax data suomi2016-hmi) --out results/demo/calibrate
+	$(BIN)/arfjax calibrate examples/suomi2016.toml --hmi $$($(BIN)/arfjax data suomi2016_hmi) --out results/demo/calibrate
 	$(BIN)/arfjax reproduce --out results/demo/reproduce
 	@echo
 	@echo "Reports and figures:"
 	@ls -d results/demo/*/report.md results/demo/*/*.png
 
 test: lint types  ## everything that must be true before a change lands
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadscope
 
 test-fast: $(VENV)/.dev  ## without the tests marked slow
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist loadscope -m "not slow"
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
