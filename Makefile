@@ -34,8 +34,9 @@ format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-benchmark: $(VENV)/.run  ## times of every stage, as JSON
-	$(BIN)/python benchmarks/chain.py --out results/benchmarks/chain.json
+benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
+	$(BIN)/python -m benchmarks.accuracy --out results/benchmarks/accuracy.json
+	$(BIN)/python -m benchmarks.chain --out results/benchmarks/chain.json
 
 lock: $(VENV)/.dev  ## newest versions that fit pyproject.toml, for every Python and platform
 	$(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-header \

@@ -20,8 +20,9 @@ import jax
 import jax.numpy as jnp
 
 import arfjax as ax
+from inverse.datasets.shipped import shipped
 
-EXPERIMENT = Path(__file__).parent.parent / "examples" / "suomi2016.toml"
+EXPERIMENT = shipped("suomi2016_experiment")
 
 
 def timed(function: Callable, *arguments, repeats: int = 7) -> dict[str, float]:
