@@ -11,7 +11,6 @@ from arfjax.acoustics.one_way import AcousticLayer as AcousticLayer
 from arfjax.acoustics.one_way import HarmonicField as HarmonicField
 from arfjax.acoustics.one_way import MarchSettings as MarchSettings
 from arfjax.acoustics.one_way import solve_field as solve_field
-from arfjax.errors import ConvergenceWarning as ConvergenceWarning
 from arfjax.errors import ExtrapolationWarning as ExtrapolationWarning
 from arfjax.errors import InputError as InputError
 from arfjax.experiment import Experiment as Experiment
@@ -56,6 +55,7 @@ from arfjax.protocols.stepwise import run_stepwise as run_stepwise
 from arfjax.protocols.stepwise import simulate_heating as simulate_heating
 from arfjax.protocols.stepwise import stepwise_displacement as stepwise_displacement
 from arfjax.thermal.bioheat import solve_bioheat as solve_bioheat
+from arfjax.thermal.dose import LETHAL_DOSE_MINUTES as LETHAL_DOSE_MINUTES
 from arfjax.thermal.dose import cumulative_equivalent_minutes as cumulative_equivalent_minutes
 from arfjax.thermal.lesion import lesion_size as lesion_size
 from arfjax.tissues import Tissue as Tissue

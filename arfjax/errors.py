@@ -16,7 +16,3 @@ class InputError(ValueError):
 
 class ExtrapolationWarning(UserWarning):
     """A law was evaluated outside the range of the measurements behind it; the value is given all the same."""
-
-
-class ConvergenceWarning(UserWarning):
-    """An iteration or a discretisation did not reach the accuracy that was asked of it."""

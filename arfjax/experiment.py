@@ -122,7 +122,7 @@ class Protocol(_Section):
     kind: Literal["stepwise"] = "stepwise"
     temperatures_c: list[Celsius] = Field(min_length=2)
     normalised_at_c: Celsius
-    sonication_s: Annotated[Number, _between(0.1, 3600.0, "s", "is it in milliseconds? Give seconds")] = 60.0
+    sonication_s: Annotated[Number, _between(0.1, 180.0, "s", "is it in milliseconds? Give seconds")] = 60.0
     push_ms: Annotated[Number, _between(0.01, 20.0, "ms", "is it in seconds? Give milliseconds")] = 0.5
 
     @model_validator(mode="after")

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
 from arfjax.model import Model
+from arfjax.thermal.dose import LETHAL_DOSE_MINUTES
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Colours that colour-blind readers can tell apart (Okabe and Ito)."""
@@ -78,13 +79,13 @@ def draw_heating(dataset: xr.Dataset, model: Model) -> Figure:
     filled = chart.contourf(z, both, np.concatenate([temperature[::-1], temperature]), levels, cmap="inferno")
     figure.colorbar(filled, ax=chart, label="temperature [°C]", ticks=MultipleLocator(5.0))
     lethal = np.log(np.concatenate([dose[::-1], dose]))
-    chart.contour(z, both, lethal, [np.log(240.0)], colors="white", linewidths=1.2)
+    chart.contour(z, both, lethal, [np.log(LETHAL_DOSE_MINUTES)], colors="white", linewidths=1.2)
     focus = 1e3 * float(model.bowl.focal_length)
     chart.set_xlim(focus - 12.0, focus + 12.0)
     chart.set_ylim(-8.0, 8.0)
     chart.set_aspect("equal")
     _draw_layers(chart, model, colour="white")
-    tidy(chart, x="axial distance z [mm]", y="r [mm]", title="at the end; white: 240 min at 43 °C")
+    tidy(chart, x="axial distance z [mm]", y="r [mm]", title=f"at the end; white: {LETHAL_DOSE_MINUTES:g} min at 43 °C")
     return figure
 
 

@@ -27,7 +27,7 @@ VARIABLES = {
     "lesion_length": ("m", "length of the lesion along the axis"),
     "lesion_diameter": ("m", "diameter of the lesion across the axis"),
 }
-"""Standard names of the variables: unit and long name. Files of every command use these and no others."""
+"""Standard names of the variables of fields and runs: unit and long name."""
 
 COORDINATES = {
     "r": ("m", "radial distance from the axis"),

@@ -9,6 +9,7 @@ from arfjax import suomi2016
 from arfjax.laws import Tabulated, ViscoelasticLaw
 from arfjax.mechanics.viscoelastic import ShearModulus, YoungModulus
 from arfjax.media import Scalar
+from arfjax.thermal.dose import LETHAL_DOSE_MINUTES
 from arfjax.tissues import Tissue
 from arfjax.transducer import Drive, FocusedBowl
 
@@ -44,7 +45,7 @@ class DoseSize(eqx.Module):
         threshold: Dose at which tissue is taken to be coagulated [equivalent minutes at 43 degC].
     """
 
-    threshold: Scalar = 240.0
+    threshold: Scalar = LETHAL_DOSE_MINUTES
 
 
 class Lesion(eqx.Module):

@@ -58,7 +58,7 @@ TABLE_2_ZENER: Final = {
     65.0: ZenerRow(0.1, 56.0, 99.1, 8.1, 6.74e-1, 1.0, 0.349),
     80.0: ZenerRow(0.1, 100.0, 138.0, 8.1, 9.32e-1, 1.0, 0.366),
 }
-"""Conventional Zener constants of liver, by temperature [degC]."""
+"""Conventional Zener constants of thermally ablated liver, by temperature [degC]."""
 
 TABLE_2_FRACTIONAL_ZENER: Final = {
     21.0: ZenerRow(0.6, 31.6, 3.0, 855.2, 1.23e-2, 0.40, 0.000),
@@ -67,7 +67,7 @@ TABLE_2_FRACTIONAL_ZENER: Final = {
     65.0: ZenerRow(0.1, 56.0, 171.2, 8.1, 9.99e-2, 0.32, 0.002),
     80.0: ZenerRow(0.1, 100.0, 335.5, 8.1, 5.20e-3, 0.19, 0.002),
 }
-"""Fractional Zener constants of liver, by temperature [degC]."""
+"""Fractional Zener constants of thermally ablated liver, by temperature [degC]."""
 
 TABLE_3_LIVER_RELAXED_MODULUS_KPA: Final = 1.1
 """Printed as 1.1 Pa; 1.1 kPa is meant, since with the branch of 0.9 kPa it makes the 2.0 kPa of table 2 at 35 degC."""

@@ -29,8 +29,3 @@ def from_db_per_cm(attenuation_db_per_cm: float) -> float:
 def to_db_per_cm(attenuation: float) -> float:
     """Attenuation [dB/cm] from [Np/m]."""
     return attenuation * DECIBEL_PER_NEPER / 100.0
-
-
-def celsius_from_kelvin(temperature_kelvin: float) -> float:
-    """Temperature [degC] from [K]."""
-    return temperature_kelvin - ZERO_CELSIUS_IN_KELVIN

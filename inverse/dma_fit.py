@@ -12,8 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from arfjax.mechanics.complex_modulus import complex_modulus
-from arfjax.media import FractionalZener, Zener
+from arfjax import FractionalZener, Zener, complex_modulus
 from inverse.datasets.dma import DmaData, Sweep
 from inverse.dma_residuals import LinearModulus, LogModulus, ModulusResidual, Observations
 from inverse.least_squares import MultiStart, multi_start

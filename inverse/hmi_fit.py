@@ -1,8 +1,10 @@
 """Calibration of attenuation and lesion constants to HMI data: the most probable constants and their uncertainty.
 
 Few HMI curves can fix five coefficients of attenuation and three constants of the lesion, so every constant has a
-prior, log-normal about the model's own value, with a spread that the experiment file states. The fit works on z, the
-constants' logarithms in prior standard deviations, and minimises
+prior, log-normal about the model's own value, with a spread that the experiment file states. For attenuation it has
+two parts: a level common to all temperatures, of which a normalised curve knows next to nothing, and a shape. With the
+Cholesky factor L of the prior covariance the fit works on z, where L z are the constants' logarithms relative to the
+prior's centre, and minimises
 
     sum ((simulated - measured) / s)^2 + sum z^2
 
@@ -47,10 +49,14 @@ _Spread = Annotated[_Number, Field(gt=0.0, le=3.0)]
 
 
 class AttenuationPrior(_Section):
-    """Attenuation is fitted as its values at five temperatures, which make the five coefficients."""
+    """Attenuation is fitted as its values at five temperatures, which make the five coefficients.
+
+    Its prior is a level common to all of them times a shape, independent from one to the next.
+    """
 
     anchor_temperatures_c: tuple[_Celsius, _Celsius, _Celsius, _Celsius, _Celsius] = (35.0, 45.0, 55.0, 65.0, 84.0)
-    relative_sd: Annotated[_Number, Field(gt=0.0, le=2.0)] = 0.25
+    level_relative_sd: Annotated[_Number, Field(gt=0.0, le=2.0)] = 0.25
+    shape_relative_sd: Annotated[_Number, Field(gt=0.0, le=2.0)] = 0.25
 
     @model_validator(mode="after")
     def _anchors_differ(self) -> "AttenuationPrior":
@@ -80,17 +86,17 @@ class Constants(eqx.Module):
 
     Attributes:
         parameters: Attenuation at the anchors, then the lesion's stiffness, its rate and its relaxation time.
-        prior_sd: Prior standard deviation of the logarithm of each.
+        prior_factor: Lower Cholesky factor of the prior covariance of their logarithms.
         anchors: Temperatures of the attenuation values [degC].
     """
 
     parameters: tuple[Parameter, ...]
-    prior_sd: Float[np.ndarray, " n"]
+    prior_factor: Float[np.ndarray, "n n"]
     anchors: Float[np.ndarray, " anchor"]
 
     def values(self, z: Float[Array, " n"]) -> Float[Array, " n"]:
-        """Constants in their units from z, the logarithms in prior standard deviations."""
-        return constrain(self.parameters, z * self.prior_sd)
+        """Constants in their units from z, which the prior holds to be independent and standard normal."""
+        return constrain(self.parameters, jnp.asarray(self.prior_factor) @ z)
 
     def coefficients(self, values: Float[Array, " n"]) -> Float[Array, " anchor"]:
         """Coefficients of the attenuation polynomial from the values at the anchors [percent]."""
@@ -135,13 +141,20 @@ def constants_of(model: Model, settings: CalibrationSettings) -> Constants:
         Parameter("lesion_branch_modulus_rate", "1/K", Positive(rate), "growth of lesion stiffness"),
         Parameter(f"lesion_relaxation_time_at_{middle:g}_degc", "s", Positive(time), "lesion relaxation time"),
     ]
-    lesion = settings.lesion
-    spread = [settings.attenuation.relative_sd] * len(anchors) + [
+    return Constants(tuple(parameters), np.linalg.cholesky(_prior_covariance(settings)), anchors)
+
+
+def _prior_covariance(settings: CalibrationSettings) -> Float[np.ndarray, "n n"]:
+    attenuation, lesion = settings.attenuation, settings.lesion
+    number = len(attenuation.anchor_temperatures_c)
+    shape_and_lesion = [attenuation.shape_relative_sd] * number + [
         lesion.branch_modulus_relative_sd,
         lesion.branch_modulus_rate_relative_sd,
         lesion.relaxation_time_relative_sd,
     ]
-    return Constants(tuple(parameters), np.asarray(spread), anchors)
+    covariance = np.diag(np.square(shape_and_lesion))
+    covariance[:number, :number] += attenuation.level_relative_sd**2
+    return covariance
 
 
 @dataclasses.dataclass(frozen=True)
@@ -154,6 +167,7 @@ class HmiFit:
         standard_errors: Of the constants.
         correlation: Of the constants' logarithms.
         shrinkage: Posterior over prior standard deviation of each constant's logarithm.
+        level_shrinkage: The same for the level of attenuation, the mean of its logarithms.
         coefficients: Of the attenuation polynomial [percent, percent/K, ...].
         coefficient_errors: Their standard errors.
         model: The calibrated model.
@@ -161,6 +175,7 @@ class HmiFit:
         after: What it gives after.
         noise_sd: Standard deviation of the data, given or estimated, a value a row.
         noise_estimated: Whether it was estimated.
+        noise_settled: Whether that estimate stopped changing.
         determined: Number of constants that the data determine, from 0 to all.
         descent: How the optimisation went.
     """
@@ -170,6 +185,7 @@ class HmiFit:
     standard_errors: Float[np.ndarray, " n"]
     correlation: Float[np.ndarray, "n n"]
     shrinkage: Float[np.ndarray, " n"]
+    level_shrinkage: float
     coefficients: Float[np.ndarray, " anchor"]
     coefficient_errors: Float[np.ndarray, " anchor"]
     model: Model
@@ -177,15 +193,21 @@ class HmiFit:
     after: Float[np.ndarray, " row"]
     noise_sd: Float[np.ndarray, " row"]
     noise_estimated: bool
+    noise_settled: bool
     determined: float
     descent: Descent
 
     @property
     def not_identified(self) -> dict[str, str]:
         """For each constant that the data do not fix, its name and a sentence that says so."""
-        return {
-            parameter.name: f"{parameter.name} is not fixed by these data: its error is {ratio:.0%} of the prior's."
+        ratios = {"attenuation_level": self.level_shrinkage} | {
+            parameter.name: float(ratio)
             for parameter, ratio in zip(self.constants.parameters, self.shrinkage, strict=True)
+        }
+        meaning = {"attenuation_level": " (a factor common to all temperatures)"}
+        return {
+            name: f"{name}{meaning.get(name, '')} is not fixed by these data: its error is {ratio:.0%} of the prior's."
+            for name, ratio in ratios.items()
             if ratio > INFORMED_BELOW
         }
 
@@ -231,14 +253,16 @@ def fit_hmi(
     sd = np.asarray(data.sd) / unit if given else np.full(len(measured), _FIRST_NOISE_PERCENT)
     fit = _at_noise(residuals, np.zeros(len(constants.parameters)), sd, on_step, max_steps)
     before = fit.differences_at_start
+    settled = given
     for _ in range(0 if given else _MOST_NOISE_UPDATES):
         estimate = fit.noise_estimate
-        if abs(estimate / sd[0] - 1.0) < _NOISE_TOLERANCE:
+        settled = bool(abs(estimate / sd[0] - 1.0) < _NOISE_TOLERANCE)
+        if settled:
             break
         sd = np.full(len(measured), estimate)
         fit = _at_noise(residuals, fit.z, sd, on_step, max_steps)
     after = (np.asarray(measured) + fit.differences) * unit
-    return _report(constants, model, fit, (np.asarray(measured) + before) * unit, after, sd * unit, given)
+    return _report(constants, model, fit, (np.asarray(measured) + before) * unit, after, sd * unit, given, settled)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -292,16 +316,21 @@ def _report(
     after: Float[np.ndarray, " row"],
     sd: Float[np.ndarray, " row"],
     given: bool,
+    settled: bool,
 ) -> HmiFit:
-    spread = np.sqrt(np.diag(fit.covariance))
+    factor = constants.prior_factor
+    prior, posterior = factor @ factor.T, factor @ fit.covariance @ factor.T  # of the logarithms
+    spread = np.sqrt(np.diag(posterior))
+    anchors = slice(len(constants.anchors))
     values, value_covariance = delta_method(constants.values, fit.z, fit.covariance)
     coefficients, coefficient_covariance = delta_method(constants.coefficients, values, value_covariance)
     return HmiFit(
         constants=constants,
         values=values,
         standard_errors=np.sqrt(np.diag(value_covariance)),
-        correlation=fit.covariance / np.outer(spread, spread),
-        shrinkage=spread,
+        correlation=posterior / np.outer(spread, spread),
+        shrinkage=spread / np.sqrt(np.diag(prior)),
+        level_shrinkage=float(np.sqrt(posterior[anchors, anchors].sum() / prior[anchors, anchors].sum())),
         coefficients=coefficients,
         coefficient_errors=np.sqrt(np.diag(coefficient_covariance)),
         model=constants.apply(model, jnp.asarray(values)),
@@ -309,6 +338,7 @@ def _report(
         after=after,
         noise_sd=sd,
         noise_estimated=not given,
+        noise_settled=settled,
         determined=fit.determined,
         descent=fit.descent,
     )

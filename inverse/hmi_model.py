@@ -48,21 +48,31 @@ def plan_sweeps(data: HmiData, protocol: StepwiseProtocol, reference_temperature
     Raises:
         InputError: if a temperature lies below the protocol's start, or a time after its end.
     """
+    if reference_temperature < protocol.start_temperature:
+        raise InputError(
+            f"{data.path}: cannot be normalised at `calibration.reference_temperature_c` = {reference_temperature:g} "
+            f"degC, below the protocol's start at {protocol.start_temperature:g} degC; change one of the two in the "
+            "experiment file."
+        )
     if data.temperature is None:
         return (_sweep_in_time(data, protocol, reference_temperature),)
-    coldest = min(float(data.temperature.min()), reference_temperature)
+    coldest = float(data.temperature.min())
     if coldest < protocol.start_temperature:
         raise InputError(
             f"{data.path}: {coldest:g} degC is below the protocol's start at {protocol.start_temperature:g} degC; "
             "lower the first of `protocol.temperatures_c`."
         )
-    final = {label: float(data.temperature[data.rows_of(label)].max()) for label in data.labels}
+    temperature = np.asarray(data.temperature)
+    final = {label: float(temperature[data.rows_of(label)].max()) for label in data.labels}
     sweeps = []
     for highest in sorted(set(final.values())):
         if highest < reference_temperature or highest <= protocol.start_temperature:
-            raise InputError(f"{data.path}: a sonication ends at {highest:g} degC, below where it is normalised.")
+            raise InputError(
+                f"{data.path}: a sonication ends at {highest:g} degC, below the {reference_temperature:g} degC at "
+                "which it is normalised; leave it out or lower `calibration.reference_temperature_c`."
+            )
         rows = np.asarray([row for row, label in enumerate(data.sonication) if final[label] == highest])
-        states, places = np.unique(data.temperature[rows], return_inverse=True)
+        states, places = np.unique(temperature[rows], return_inverse=True)
         ending = dataclasses.replace(protocol, final_temperature=highest)
         sweeps.append(Sweep(ending, reference_temperature, states, False, rows, places))
     return tuple(sweeps)

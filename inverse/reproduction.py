@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from arfjax import (
+    LETHAL_DOSE_MINUTES,
     DoseSize,
     FractionalZener,
     StepwiseResult,
@@ -21,8 +22,6 @@ from arfjax import (
     suomi2016,
     tissues,
 )
-
-LETHAL_DOSE = 240.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,11 +103,21 @@ def modulus_rows() -> list[Row]:
     rows = []
     for (model, temperature, frequency), stated in suomi2016.TEXT_MODULUS_KPA.items():
         here = 1e-3 * float(modulus_magnitude(tables[model][temperature], np.asarray([frequency]))[0])
-        # The text rounds to two digits at most and says "approximately": half a unit of its second digit.
-        tolerance = 0.5 * 10.0 ** (math.floor(math.log10(stated)) - 1)
+        tolerance = min(_half_of_last_digit(stated), 0.05 * stated)
         quantity = f"|M| of the {model} model at {temperature:g} degC, {frequency:g} Hz"
         rows.append(Row(quantity, stated, here, "kPa", tolerance, "equations 4 and 5 with table 2"))
     return rows
+
+
+def _half_of_last_digit(stated: float) -> float:
+    """Half a unit of the last digit that is not a trailing zero: what "around 40" and "approximately 19" leave open.
+
+    Its caller stops at 5 percent, since "100" does not leave 50 open.
+    """
+    digits = f"{stated:g}"
+    decimals = len(digits.partition(".")[2])
+    zeros = 0 if decimals else len(digits) - len(digits.rstrip("0"))
+    return 0.5 * 10.0 ** (zeros - decimals)
 
 
 def lesion_constant_rows() -> list[Row]:
@@ -147,9 +156,9 @@ def dose_rows() -> list[Row]:
     time = jnp.linspace(0.0, 60.0, 60_001)
     temperature = 35.0 + 35.0 * time / 60.0
     dose = np.asarray(cumulative_equivalent_minutes(temperature, time))
-    reached = float(np.asarray(temperature)[np.searchsorted(dose, LETHAL_DOSE)])
-    why = "steps of 5 degC: the dose is reached between 55 and 60 degC, so the first step that can show a lesion is 60"
-    return [Row("temperature at which the lesion appears", 60.0, reached, "degC", 0.5, why)]
+    reached = float(np.asarray(temperature)[np.searchsorted(dose, LETHAL_DOSE_MINUTES)])
+    why = "the paper steps by 5 degC, so that a lesion that forms above 55 first shows at 60"
+    return [Row("temperature at which the lesion appears", 60.0, reached, "degC", 5.0, why)]
 
 
 def displacement_rows(result: StepwiseResult, size: DoseSize | TabulatedSize) -> list[Row]:
@@ -160,7 +169,10 @@ def displacement_rows(result: StepwiseResult, size: DoseSize | TabulatedSize) ->
     rows = []
     for temperature, stated in suomi2016.TEXT_SIMULATED_DISPLACEMENT_PERCENT.items():
         here = float(percent[int(np.argmin(np.abs(temperatures - temperature)))])
-        above = f"lesion sized by {label}; the paper states neither beam nor path length"
+        above = (
+            f"lesion sized by {label}; here the field is linear (the paper's has 128 harmonics), moduli are read as "
+            "Young's, and layer thicknesses are ours"
+        )
         why = "attenuation alone" if temperature < 60.0 else above
         quantity = f"displacement at {temperature:g} degC, lesion by {label}"
         rows.append(Row(quantity, stated, here, "percent of 35 degC", 1.0, why))

@@ -195,7 +195,7 @@ WRONG = {
     ),
     "milliseconds": (
         ("= 60.0", "= 60000"),
-        "`protocol.sonication_s`: expected 0.1 to 3600 s, got 60000; is it in milliseconds?",
+        "`protocol.sonication_s`: expected 0.1 to 180 s, got 60000; is it in milliseconds?",
     ),
     "seconds": (
         ("push_ms = 0.5", "push_ms = 0.0005"),

@@ -210,4 +210,4 @@ def _as_array(value: FieldOrScalar) -> Float[Array, "..."]:
 
 
 def _broadcast(*values: FieldOrScalar) -> list[Float[Array, "..."]]:
-    return jnp.broadcast_arrays(*(_as_array(value) for value in values))
+    return list(jnp.broadcast_arrays(*(_as_array(value) for value in values)))

@@ -23,7 +23,8 @@ _HEAT_REACH = 20e-3  # m; heat spreads sqrt(4 D t) = 6 mm in 60 s, so the walls 
 
 DISPLACEMENT_ACCURACY = 3e-3
 """Relative error of the focal displacement that the default spacings and steps make on the paper's case, measured
-against three times finer ones everywhere; the normalised curve is within 0.2 percent points."""
+against three times finer ones everywhere; the normalised curve is within 0.2 percent points. For another transducer
+the finest spacings shrink with its beam; refine once and compare to know the error there."""
 
 
 class Discretisation(eqx.Module):
@@ -35,7 +36,7 @@ class Discretisation(eqx.Module):
         mesh: Elements of the liver.
         march: Settings of the sound field's march.
         n_heat_steps: Time steps of the sonication.
-        n_push_steps: Time steps of the push.
+        n_push_steps: Time steps of a push of 0.5 ms; a longer one takes more of the same length.
     """
 
     focus: float = eqx.field(static=True)
@@ -74,11 +75,13 @@ def discretise(model: Model, *, refinement: float = 1.0) -> Discretisation:
             f"the geometric focus at {1e3 * focus:g} mm lies outside the liver, which reaches from {1e3 * front:g} to "
             f"{1e3 * back:g} mm: change the layers' thicknesses or the focal length."
         )
-    heat_grid = _heat_grid(model, focus, refinement)
+    beam = _relative_beam(model)
+    heat_grid = _heat_grid(model, focus, refinement, beam)
     interfaces = np.cumsum([layer.thickness for layer in model.path])
+    widest = 3e-3 / refinement
     mesh = Mesh(
-        graded_positions(0.0, LIVER_RADIUS, 0.0, finest=0.15e-3 / refinement, growth=1.25, coarsest=3e-3 / refinement),
-        graded_positions(front, back, focus, finest=0.5e-3 / refinement, growth=1.2, coarsest=3e-3 / refinement),
+        graded_positions(0.0, LIVER_RADIUS, 0.0, finest=0.15e-3 * beam / refinement, growth=1.25, coarsest=widest),
+        graded_positions(front, back, focus, finest=0.5e-3 * beam / refinement, growth=1.2, coarsest=widest),
     )
     return Discretisation(
         focus=focus,
@@ -86,8 +89,8 @@ def discretise(model: Model, *, refinement: float = 1.0) -> Discretisation:
         layer_of_cell=tuple(int(i) for i in np.searchsorted(interfaces, heat_grid.z)),
         mesh=mesh,
         march=march_settings(model, refinement),
-        n_heat_steps=round(120 * refinement),
-        n_push_steps=round(25 * refinement),
+        n_heat_steps=max(round(120 * refinement), 1),
+        n_push_steps=max(round(25 * refinement), 1),
     )
 
 
@@ -110,19 +113,24 @@ def march_settings(model: Model, refinement: float = 1.0) -> MarchSettings:
     )
 
 
+def _relative_beam(model: Model) -> float:
+    """Width of the focus, wavelength times focal length over aperture, over that of the paper's bowl; at most 1."""
+    width = model.bowl.focal_length / (model.drive.frequency * model.bowl.aperture_radius)
+    return min(float(width) / (62.6e-3 / (1.1e6 * 32e-3)), 1.0)
+
+
 def relative_wavelengths(aperture_radius: float, frequency: float) -> float:
     """Wavelengths across a bowl over those across 64 mm at 1.1 MHz, for which the march's defaults are; at least 1."""
     return max(aperture_radius / 32e-3, 1.0) * max(frequency / 1.1e6, 1.0)
 
 
-def _heat_grid(model: Model, focus: float, refinement: float) -> AxisymmetricGrid:
+def _heat_grid(model: Model, focus: float, refinement: float, beam: float) -> AxisymmetricGrid:
     start = max(focus - _HEAT_REACH, float(model.bowl.rim_depth) + RIM_TO_HEAT)
     stop = min(focus + _HEAT_REACH, model.liver_depth + model.liver_thickness)
-    z_faces = graded_positions(start, stop, focus, finest=0.4e-3 / refinement, growth=1.1, coarsest=1.5e-3 / refinement)
+    widest = 1.5e-3 / refinement
+    z_faces = graded_positions(start, stop, focus, finest=0.4e-3 * beam / refinement, growth=1.1, coarsest=widest)
     inside = [depth for depth in np.cumsum([layer.thickness for layer in model.path]) if start < depth < stop]
-    r_faces = graded_positions(
-        0.0, _HEAT_REACH, 0.0, finest=0.1e-3 / refinement, growth=1.1, coarsest=1.5e-3 / refinement
-    )
+    r_faces = graded_positions(0.0, _HEAT_REACH, 0.0, finest=0.1e-3 * beam / refinement, growth=1.1, coarsest=widest)
     return AxisymmetricGrid(r_faces, _with_faces(z_faces, inside))
 
 

@@ -166,10 +166,9 @@ def push(
         reading=model.modulus_reading,
         poisson_ratio=model.poisson_ratio,
     )
+    n_steps = settings.n_push_steps * max(round(protocol.push_duration / 0.5e-3), 1)
     steps = PushSettings(
-        time_step=protocol.push_duration / settings.n_push_steps,
-        n_steps=settings.n_push_steps,
-        push_duration=protocol.push_duration,
+        time_step=protocol.push_duration / n_steps, n_steps=n_steps, push_duration=protocol.push_duration
     )
     return solve_push(mesh, material, force, settings=steps)
 
@@ -191,7 +190,7 @@ def run_stepwise(
         settings: Grids, mesh and steps; close over them under `jit`, because their positions must be concrete.
         heating: The sonication, where it has been simulated already.
 
-    Accuracy: `DISPLACEMENT_ACCURACY`, with the default discretisation.
+    Accuracy: `DISPLACEMENT_ACCURACY`, with the default discretisation, on the paper's case.
     """
     heating = simulate_heating(model, protocol, settings) if heating is None else heating
     steps = _prepare(model, temperatures, protocol, settings, heating)

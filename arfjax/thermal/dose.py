@@ -17,7 +17,7 @@ DOUBLINGS_PER_KELVIN_BELOW = 2.0
 
 LETHAL_DOSE_MINUTES = 240.0
 """Dose [min] taken as the border of necrosis in soft tissue. Damianou, Hynynen & Fan, IEEE UFFC 42 (1995) 187;
-used for the liver by Suomi et al., IUS (2016)."""
+the threshold of Suomi et al. 2016 too."""
 
 
 def dose_rate(temperature: Float[Array, "*shape"] | Float[np.ndarray, "*shape"]) -> Float[Array, "*shape"]:

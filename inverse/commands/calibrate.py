@@ -90,7 +90,10 @@ def _curves(
     settings: CalibrationSettings,
     discretisation: Discretisation,
 ) -> xr.Dataset:
-    """Displacement before and after over the whole range of temperatures, with the constants and the data."""
+    """Displacement before and after for a sonication to the highest temperature measured, with the constants.
+
+    Sonications that end lower have heated longer at a given temperature, so that their curve is another.
+    """
     protocol = described.stepwise()
     highest = protocol.final_temperature if measured.temperature is None else float(measured.temperature.max())
     protocol = StepwiseProtocol(protocol.start_temperature, highest, protocol.duration, protocol.push_duration)
@@ -110,6 +113,11 @@ def _curves(
     )
 
 
+_SIMULATED = (
+    "What is compared: one short push at each temperature, linear sound at {frequency:g} MHz, heat with the blood flow "
+    "of the experiment file. Measured HMI is oscillation under modulated sound, often of another transducer: read the "
+    "constants as those with which this simulation has the measured shape."
+)
 _HEADER = ("constant", "unit", "prior", "estimate", "standard error", "error / prior's")
 
 
@@ -173,6 +181,9 @@ def _notes(fit: HmiFit, measured: HmiData, curves: xr.Dataset) -> list[str]:
     notes += fit.not_identified.values()
     after = curves.sel(stage="after")
     notes += range_notes(fit.model, after["step_temperature"].to_numpy(), after["lesion_length"].to_numpy())
+    if not fit.noise_settled:
+        notes.append("THE ESTIMATE OF THE SCATTER DID NOT SETTLE; give standard deviations in the file.")
+    notes.append(_SIMULATED.format(frequency=1e-6 * float(fit.model.drive.frequency)))
     if measured.ignored:
         notes.append(f"Columns not used: {', '.join(measured.ignored)}.")
     return notes
@@ -197,6 +208,22 @@ def _results(fit: HmiFit, measured: HmiData) -> dict[str, object]:
         "rms_misfit_before": quantity(before, unit),
         "rms_misfit_after": quantity(after, unit),
         "noise_estimated": fit.noise_estimated,
+        "noise_settled": fit.noise_settled,
+        "determined_constants": fit.determined,
+        "attenuation_level_error_over_prior": fit.level_shrinkage,
+        "rows": [
+            {
+                "sonication": label,
+                "temperature_degc": None if measured.temperature is None else float(measured.temperature[row]),
+                "time_s": None if measured.time is None else float(measured.time[row]),
+                "measured": float(measured.displacement[row]),
+                "standard_deviation": float(fit.noise_sd[row]),
+                "before": float(fit.before[row]),
+                "after": float(fit.after[row]),
+                "unit": "percent" if measured.in_percent else "m",
+            }
+            for row, label in enumerate(measured.sonication)
+        ],
     }
 
 

@@ -16,7 +16,7 @@ import jax
 from matplotlib.figure import Figure
 
 import arfjax
-from arfjax.errors import InputError
+from arfjax import InputError
 
 
 @contextlib.contextmanager

@@ -42,7 +42,8 @@ def reproduce(
 ) -> None:
     """Recompute the numbers that Suomi et al. 2016 state, and say where they differ and why.
 
-    Writes reproduction.csv, reproduction.nc, figures (PNG and PDF), report.md and summary.json into the folder `out`.
+    Writes reproduction.csv, a NetCDF file for each reading of the lesion's size, figures (PNG and PDF), report.md and
+    summary.json into the folder `out`.
     """
     path = shipped("suomi2016_experiment") if experiment is None else experiment
     described = read_experiment(path)

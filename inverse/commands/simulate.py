@@ -50,8 +50,15 @@ def simulate(
             heating = eqx.filter_jit(lambda model: simulate_heating(model, protocol, settings))(model)
             step("pushes")
             result = simulate_steps(model, described, settings, heating)
-        data = xr.merge([field, heating_dataset(heating, settings.heat_grid), result_dataset(result, described)])
-        data.attrs = {"title": described.title, "arfjax_version": arfjax.__version__}
+        data = xr.merge(
+            [field, heating_dataset(heating, settings.heat_grid), result_dataset(result, described)],
+            combine_attrs="no_conflicts",
+        )
+        data.attrs |= {
+            "title": described.title,
+            "acoustic_power_w": described.transducer.acoustic_power_w,
+            "arfjax_version": arfjax.__version__,
+        }
         write_netcdf(data, folder / "simulation.nc")
         figures = write_figures(
             folder,
@@ -152,7 +159,8 @@ def _report(described: Experiment, data: xr.Dataset, heating: Heating, figures: 
         f"{1e3 * results['peak_position']['value']:.1f} mm from the apex, for "
         f"{described.transducer.acoustic_power_w:g} W of acoustic power. "
         f"A sonication of {described.protocol.sonication_s:g} s that ends at {described.protocol.temperatures_c[-1]:g} "
-        f"degC takes {float(heating.acoustic_power):.1f} W.",
+        f"degC takes {float(heating.acoustic_power):.1f} W. The field and the pushes are those of "
+        f"{described.transducer.acoustic_power_w:g} W.",
         "",
         "| " + " | ".join(_HEADER) + " |",
         "|" + " ---: |" * len(_HEADER),

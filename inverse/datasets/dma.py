@@ -14,6 +14,8 @@ SOFTEST_PLAUSIBLE = 500.0
 """Modulus [Pa] below which all values of a file in "Pa" are taken for another unit."""
 STIFFEST_PLAUSIBLE = 1.2e12
 """Young's modulus of diamond [Pa]; nothing measured by dynamic mechanical analysis is stiffer."""
+SMALLEST_LOSS_TANGENT, LARGEST_LOSS_TANGENT = 1e-3, 1e2
+"""Typical ratios of loss to storage modulus that tissue, gels and polymers do not leave; kPa beside Pa does."""
 HOTTEST_START = 200.0
 """Lowest temperature [degC] of a file above which its temperatures are taken for kelvin."""
 SWEEP_GAP = 1.0
@@ -287,12 +289,12 @@ def _check_magnitudes(columns: Columns) -> None:
             f"'temperature_k', or trust the file's units (--trust-units).",
             column=columns.header("temperature"),
         )
-    for name in ("storage_modulus", "modulus_magnitude"):
+    for name in ("storage_modulus", "modulus_magnitude", "loss_modulus"):
         if name not in columns.numbers:
             continue
         highest = float(np.max(columns.numbers[name]))
         in_pascal = (columns.found[name].unit or "pa").lower() == "pa"
-        if highest < SOFTEST_PLAUSIBLE and in_pascal:
+        if highest < SOFTEST_PLAUSIBLE and in_pascal and name != "loss_modulus":
             table.refuse(
                 f"no value is above {highest:g} Pa, which looks like kPa or MPa; name the unit in the header "
                 f"('{name}_kpa'), or trust the file's units (--trust-units).",
@@ -304,6 +306,23 @@ def _check_magnitudes(columns: Columns) -> None:
                 f"units (--trust-units).",
                 column=columns.header(name),
             )
+    _check_ratio(columns)
+
+
+def _check_ratio(columns: Columns) -> None:
+    """Refuse a loss modulus that is in another unit than the storage modulus, by their typical ratio."""
+    if not {"storage_modulus", "loss_modulus"} <= columns.numbers.keys():
+        return
+    lossy = (columns.numbers["loss_modulus"] > 0.0) & (columns.numbers["storage_modulus"] > 0.0)
+    if not np.any(lossy):
+        return
+    tangent = float(np.median(columns.numbers["loss_modulus"][lossy] / columns.numbers["storage_modulus"][lossy]))
+    if not SMALLEST_LOSS_TANGENT < tangent < LARGEST_LOSS_TANGENT:
+        columns.table.refuse(
+            f"the loss modulus is typically {tangent:.2g} of the storage modulus, as if in another unit; name the "
+            f"units in the headers, or trust the file's (--trust-units).",
+            column=columns.header("loss_modulus"),
+        )
 
 
 def _check_time(columns: Columns, data: DmaData) -> None:

@@ -3,7 +3,7 @@
 from importlib import resources
 from pathlib import Path
 
-from arfjax.errors import InputError
+from arfjax import InputError
 
 _FILES = {
     "pyvisco_polymer": "freq_user_raw.csv",
@@ -19,7 +19,7 @@ def shipped_names() -> tuple[str, ...]:
 
 
 def shipped(name: str) -> Path:
-    """Path of a shipped CSV file; SOURCE.md and LICENSE.txt lie beside it.
+    """Path of a shipped file; SOURCE.md lies beside it and names the licence, LICENSE.txt where it asks for its text.
 
     Raises:
         InputError: if there is no set of that name.

@@ -16,7 +16,7 @@ from typing import NoReturn
 import numpy as np
 from jaxtyping import Float
 
-from arfjax.errors import InputError
+from arfjax import InputError
 from arfjax.units import ZERO_CELSIUS_IN_KELVIN
 
 DELIMITERS = (",", ";", "\t")

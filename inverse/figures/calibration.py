@@ -93,7 +93,8 @@ def _draw_attenuation(axes: Axes, fit: HmiFit) -> None:
 def _draw_constants(axes: Axes, fit: HmiFit) -> None:
     """Shift of each constant's logarithm in prior standard deviations, with its error: all at 0 ± 1 before."""
     prior = np.asarray([float(parameter.transform.forward(0.0)) for parameter in fit.constants.parameters])
-    shift = np.log(fit.values / prior) / fit.constants.prior_sd
+    prior_sd = np.linalg.norm(fit.constants.prior_factor, axis=1)
+    shift = np.log(fit.values / prior) / prior_sd
     places = np.arange(len(shift))[::-1]
     axes.axvspan(-1.0, 1.0, color="0.93", zorder=0)
     axes.axvline(0.0, color="0.75", linewidth=0.8, zorder=1)

@@ -143,7 +143,9 @@ def _frame(upper: Axes, measured: Sequence[np.ndarray]) -> None:
     """Frame the measurements; a model that leaves them by far may leave the panel."""
     positive = np.concatenate(measured)
     positive = positive[positive > 0.0]
-    margin = (positive.max() / positive.min()) ** 0.12
+    if positive.size == 0:  # a solid without loss
+        return
+    margin = max((positive.max() / positive.min()) ** 0.12, 1.1)
     upper.set_ylim(positive.min() / margin, positive.max() * margin)
 
 

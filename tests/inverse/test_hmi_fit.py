@@ -63,7 +63,7 @@ def test_the_fit_explains_the_data_and_recovers_what_they_determine(calibrated):
     # Differences of the discretisations are below 0.2 percent points, less than the noise of 0.3.
     assert np.sqrt(np.mean((fit.after - data.displacement) ** 2)) < 3.0 * 0.3
     assert np.sqrt(np.mean((fit.before - data.displacement) ** 2)) > 3.0
-    informed = fit.shrinkage < 0.5
+    informed = fit.shrinkage < 0.8
     assert np.any(informed)
     shift = np.log(fit.values / truth) / (fit.standard_errors / fit.values)
     assert np.all(np.abs(shift[informed]) < 3.5)
@@ -76,6 +76,9 @@ def test_what_the_data_do_not_fix_is_said(calibrated):
     assert "lesion_relaxation_time_at_65_degc" in fit.not_identified
     assert "lesion_relaxation_time_at_65_degc is not fixed by these data" in " ".join(fit.not_identified.values())
     # With a prior no error can exceed the prior's, and none is zero.
+    # A curve in percent of itself knows next to nothing of a factor on the attenuation.
+    assert "attenuation_level (a factor common to all temperatures)" in fit.not_identified["attenuation_level"]
+    assert fit.level_shrinkage > 0.9
     assert np.all(fit.shrinkage > 0.0) and np.all(fit.shrinkage <= 1.0 + 1e-12)
     assert 0.0 < fit.determined < len(fit.values)
 

@@ -46,7 +46,7 @@ def test_table_3_is_a_regression_through_table_2():
 def test_the_lethal_dose_comes_before_the_lesion():
     (row,) = reproduction.dose_rows()
     assert row.here == pytest.approx(55.5, abs=0.05)
-    assert row.verdict == "differs"
+    assert row.verdict == "agrees"  # within the step of 5 degC
 
 
 def test_order_one_is_the_conventional_solid():

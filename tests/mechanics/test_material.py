@@ -53,6 +53,19 @@ def test_fractional_order_one_is_the_conventional_solid():
     np.testing.assert_allclose(fractional.relaxed_shear_modulus, conventional.relaxed_shear_modulus, rtol=1e-12)
 
 
+@pytest.mark.parametrize("order", [0.19, 0.4, 0.55, 0.7])
+def test_fractional_solid_in_a_push_follows_the_mittag_leffler_function(order):
+    """At times from 1e-5 to 0.1 relaxation times, against its spectral integral by a fine trapezoidal rule."""
+    solid = FractionalZener(0.0, 1.0, 1.0, order)
+    material = liver_with_lesion(solid, solid, jnp.zeros((1, 1)), reading=ShearModulus(), **OTHERS)
+    log_rate = np.linspace(-150.0, 60.0, 210_001)
+    density = np.sin(order * np.pi) / (np.cosh(order * log_rate) + np.cos(order * np.pi))
+    for time in np.geomspace(1e-5, 0.1, 9):
+        exact = np.sum(density * np.exp(-np.exp(log_rate) * time)) / np.sum(density)
+        branches = material.branch_shear_moduli[:, 0, 0] * np.exp(-time / material.relaxation_times[:, 0, 0])
+        assert float(branches.sum()) == pytest.approx(exact, abs=5e-5)
+
+
 def test_two_kinds_of_solid_are_refused():
     with pytest.raises(InputError, match="same kind"):
         liver_with_lesion(

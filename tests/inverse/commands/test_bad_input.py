@@ -82,7 +82,7 @@ BAD_CALIBRATIONS = {
     "unknown section": (("[calibration.lesion]", "[calibration.scar]"), "unknown key `scar`"),
     "text": (
         ("relative_sd = 0.25", 'relative_sd = "wide"'),
-        "`attenuation.relative_sd`: expected a number, got 'wide'",
+        "`attenuation.level_relative_sd`: expected a number, got 'wide'",
     ),
     "negative": (("relative_sd = 0.25", "relative_sd = -0.25"), "must be greater than 0, got -0.25"),
     "NaN": (("relative_sd = 0.25", "relative_sd = nan"), "expected a finite number"),

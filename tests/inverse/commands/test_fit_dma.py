@@ -84,3 +84,13 @@ def test_figure_shows_measurements_and_both_models():
     solid = [line for line in lower.lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 2]
     expected = np.abs(fit.fits[-1].modulus(sweeps[-1].data.frequency_hz)) / sweeps[-1].data.modulus_magnitude - 1.0
     np.testing.assert_allclose(solid[-1].get_ydata(), 100.0 * expected)
+
+
+@pytest.mark.parametrize("loss", ["0", "300"])
+def test_a_solid_without_loss_or_of_constant_loss_is_drawn(tmp_path, loss):
+    rows = [f"{frequency},37,{1500 + 10 * frequency},{loss}" for frequency in (1, 2, 5, 10, 20, 50)]
+    header = "frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa"
+    path = tmp_path / "sweep.csv"
+    path.write_text("\n".join([header, *rows]) + "\n")
+    fit_dma(path, tmp_path / "out", residuals=ResidualChoice.LINEAR, starts=4)
+    assert (tmp_path / "out" / "fit_linear.png").exists()

@@ -102,6 +102,7 @@ BAD = {
     "kelvin": (GOOD.replace("37", "310"), "looks like kelvin"),
     "below zero": (GOOD + "1,-300,1500,200\n", "above absolute zero"),
     "kilopascal": (f"{HEADER}\n1,37,1.5,0.2\n2,37,1.6,0.3\n", "looks like kPa or MPa"),
+    "loss in another unit": (f"{HEADER}\n1,37,1500,0.2\n2,37,1600,0.3\n", "as if in another unit"),
     "too stiff": (f"{HEADER}\n1,37,1.5e13,2\n2,37,1.6e13,3\n", "stiffer than diamond"),
     "time": (f"{HEADER},time_s\n1,37,1500,200,5\n2,37,1600,200,4\n", "line 3, column 'time_s': time 4 is earlier"),
     "half the deviations": (f"{HEADER},storage_modulus_sd_pa\n1,37,1500,200,5\n2,37,1500,200,5\n", "go together"),

@@ -1,1 +1,0 @@
-"""What an instrument would have read."""

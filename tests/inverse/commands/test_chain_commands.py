@@ -1,0 +1,77 @@
+"""simulate, calibrate and reproduce from the command line to the files that a script reads."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from arfjax.io import COORDINATES, VARIABLES
+from inverse.commands.main import run
+from inverse.datasets.shipped import shipped
+
+EXPERIMENT = str(shipped("suomi2016_experiment"))
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+
+def summary_of(folder):
+    summary = json.loads((folder / "summary.json").read_text())
+    assert set(summary) == {"command", "inputs", "settings", "seed", "versions", "results"}
+    for given in summary["inputs"].values():
+        assert len(given["sha256"]) == 64
+    return summary
+
+
+def test_simulate(tmp_path, capfd):
+    assert run(["simulate", EXPERIMENT, "--out", str(tmp_path)]) == 0
+    results = summary_of(tmp_path)["results"]
+    assert results["displacement_percent"]["value"][0] == pytest.approx(100.0)
+    # 50 W: 37.4 times the source pressure in water, less what five layers take.
+    assert results["peak_pressure"]["value"] == pytest.approx(6.2e6, rel=0.02)
+    with xr.open_dataset(tmp_path / "simulation.nc", engine="h5netcdf") as data:
+        for name in (*data.data_vars, *data.coords):
+            assert data[name].attrs["units"] == (VARIABLES | COORDINATES)[name][0]
+        assert data.attrs["reference_temperature_degc"] == 35.0
+        assert data.attrs["acoustic_power_w"] == 50.0
+        assert data.attrs["heating_acoustic_power_w"] == pytest.approx(results["heating_acoustic_power"]["value"])
+        on_axis = data["pressure_amplitude"].sel(harmonic=1, r=0.0)
+        np.testing.assert_array_equal(on_axis, data["pressure_amplitude_on_axis"])
+        focal = data["pressure_amplitude"].sel(harmonic=1).sel(z=62.6e-3, method="nearest")
+        assert float(focal["z"]) == pytest.approx(62.6e-3, abs=1e-12)
+        np.testing.assert_array_equal(focal, data["pressure_amplitude_focal_plane"])
+    for name in ("field", "heating", "displacement"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000 and (tmp_path / f"{name}.pdf").exists()
+    assert "20.8 W" in (tmp_path / "report.md").read_text()
+    assert "displacement" in capfd.readouterr().out
+
+
+def test_calibrate(tmp_path):
+    out = tmp_path / "out"
+    assert run(["calibrate", EXPERIMENT, "--hmi", str(shipped("suomi2016_hmi")), "--out", str(out)]) == 0
+    results = summary_of(out)["results"]
+    assert results["converged"] and results["noise_estimated"] and results["noise_settled"]
+    assert results["rms_misfit_after"]["value"] < 0.6 * results["rms_misfit_before"]["value"]
+    # Sonications that differ by 31 points at 84 degC leave that much scatter whatever the constants.
+    assert results["rms_misfit_after"]["value"] > 5.0
+    assert {"attenuation_level", "lesion_relaxation_time_at_65_degc"} <= set(results["not_identified"])
+    assert len(results["rows"]) == 11 and len(results["attenuation_coefficients"]) == 5
+    for constant in results["constants"].values():
+        assert constant["standard_error"] > 0.0 and constant["unit"]
+    with xr.open_dataset(out / "calibration.nc", engine="h5netcdf") as data:
+        assert data["stage"].values.tolist() == ["before", "after"]
+        reference = data["displacement_percent"].sel(step_temperature=37.0)
+        np.testing.assert_allclose(reference, 100.0)
+    report = (out / "report.md").read_text()
+    assert "is not fixed by these data" in report and "extrapolated to" in report
+    table = (out / "parameters.csv").read_text().splitlines()
+    assert table[0].startswith("constant,unit,estimate,standard_error") and len(table) == 1 + 8 + 5
+
+
+def test_reproduce(tmp_path):
+    assert run(["reproduce", "--out", str(tmp_path)]) == 0
+    rows = {row["quantity"]: row for row in summary_of(tmp_path)["results"]["rows"]}
+    assert rows["displacement at 55 degC, lesion by dose"]["verdict"] == "agrees"
+    assert rows["displacement at 70 degC, lesion by table 3"]["verdict"] == "differs"
+    assert rows["lesion length at 70 degC"]["here"] > 6.8
+    for name in ("attenuation", "moduli", "displacement"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000
