@@ -10,6 +10,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 
 demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measurements
 	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data pyvisco_polymer) --out results/demo/dma
+	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data nist_foam) --out results/demo/dma_foam
 	$(BIN)/arfjax simulate examples/suomi2016.toml --out results/demo/simulate
 	$(BIN)/arfjax calibrate examples/suomi2016.toml --hmi $$($(BIN)/arfjax data suomi2016_hmi) --out results/demo/calibrate
 	$(BIN)/arfjax reproduce --out results/demo/reproduce

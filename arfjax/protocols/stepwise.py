@@ -190,7 +190,8 @@ def run_stepwise(
         settings: Grids, mesh and steps; close over them under `jit`, because their positions must be concrete.
         heating: The sonication, where it has been simulated already.
 
-    Accuracy: `DISPLACEMENT_ACCURACY`, with the default discretisation, on the paper's case.
+    Accuracy: `DISPLACEMENT_ACCURACY`, with the default discretisation, on the paper's case. In float32 displacements
+    are within 1e-4 of those in float64 and lesion sizes within 1e-2; gradients are stated for float64 only.
     """
     heating = simulate_heating(model, protocol, settings) if heating is None else heating
     steps = _prepare(model, temperatures, protocol, settings, heating)

@@ -217,6 +217,18 @@ def test_a_thin_layer_keeps_its_cells(model):
     assert np.all(np.min(np.abs(faces[:, None] - interfaces[None, interfaces > faces[0]]), axis=0) == 0.0)
 
 
+def test_single_precision(described, protocol, run, model):
+    with jax.enable_x64(False):
+        single_model = described.model()
+        settings = discretise(single_model, refinement=0.5)
+        temperatures = jnp.asarray(TEMPERATURES, dtype=jnp.float32)
+        single = eqx.filter_jit(lambda model: run_stepwise(model, temperatures, protocol, settings))(single_model)
+        assert single.displacement.dtype == jnp.float32
+    double = run(model)
+    np.testing.assert_allclose(single.displacement, double.displacement, rtol=1e-4)
+    np.testing.assert_allclose(single.lesion_length, double.lesion_length, rtol=1e-2)
+
+
 def test_displacement_is_proportional_to_power(model, run):
     np.testing.assert_allclose(
         3.0 * run(_driven(model, 20.0)).displacement, run(_driven(model, 60.0)).displacement, rtol=1e-12
