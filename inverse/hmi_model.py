@@ -71,7 +71,7 @@ def plan_sweeps(data: HmiData, protocol: StepwiseProtocol, reference_temperature
                 f"{data.path}: a sonication ends at {highest:g} degC, below the {reference_temperature:g} degC at "
                 "which it is normalised; leave it out or lower `calibration.reference_temperature_c`."
             )
-        rows = np.asarray([row for row, label in enumerate(data.sonication) if final[label] == highest])
+        rows = np.flatnonzero([final[label] == highest for label in data.sonication])
         states, places = np.unique(temperature[rows], return_inverse=True)
         ending = dataclasses.replace(protocol, final_temperature=highest)
         sweeps.append(Sweep(ending, reference_temperature, states, False, rows, places))
