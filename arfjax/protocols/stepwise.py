@@ -127,8 +127,8 @@ def lesion_at(model: Model, heating: Heating, temperature: Scalar, settings: Dis
     """The lesion when the focus reaches `temperature` [degC]."""
     if isinstance(model.lesion.size, TabulatedSize):
         size = model.lesion.size
-        centre = jnp.asarray(settings.focus)
-        return LesionSize(jnp.asarray(size.length(temperature)), jnp.asarray(size.diameter(temperature)), centre)
+        length, diameter = jnp.asarray(size.length(temperature)), jnp.asarray(size.diameter(temperature))
+        return LesionSize(length, diameter, np.pi / 6.0 * length * diameter**2, jnp.asarray(settings.focus))
     dose = _interpolate_in_time(heating.dose, heating.time, _time_of(heating, temperature))
     return lesion_size(dose, settings.heat_grid, threshold=model.lesion.size.threshold)
 
