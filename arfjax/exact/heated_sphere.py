@@ -1,6 +1,6 @@
 """Closed form of heat in perfused tissue around a sphere that is heated evenly.
 
-Its heat has an edge, which a Gaussian has not: what a focus that is cut off by a bone or a gas looks like to a solver.
+Its heat has an edge, which a Gaussian's has not: a solver must place it between the centres of its cells.
 """
 
 import numpy as np
@@ -42,8 +42,8 @@ def heated_sphere_rise(
         Rise above the arterial temperature, from which the medium started [K].
 
     Accuracy: adaptive quadrature to a relative 1e-12 of the largest value.
-    Source: Carslaw & Jaeger, Conduction of Heat in Solids, 2nd ed., section 10.3 (a sphere that was evenly hot at first);
-    convolution with the heat; perfusion multiplies by exp(-w s).
+    Source: Carslaw & Jaeger, Conduction of Heat in Solids, 2nd ed., section 10.3, for the sphere that was evenly hot at
+    first; convolution with the heat; perfusion multiplies by exp(-w s).
     """
     diffusivity = float(medium.conductivity / medium.heat_capacity)
     loss_rate = float(medium.perfusion_conductance / medium.heat_capacity)
@@ -69,4 +69,4 @@ def _part_left(distance: Float[np.ndarray, "..."], radius: float, spread: float)
     exponent = 4.0 * radius * distance / spread**2
     per_exponent = -np.expm1(-exponent) / np.where(exponent > 0.0, exponent, 1.0) + (exponent == 0.0)
     over_distance = np.exp(-(((radius - distance) / spread) ** 2)) * per_exponent * 4.0 * radius / spread**2
-    return inside - spread / (2.0 * np.sqrt(np.pi)) * over_distance
+    return np.asarray(inside - spread / (2.0 * np.sqrt(np.pi)) * over_distance)
