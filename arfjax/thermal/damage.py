@@ -168,10 +168,12 @@ def accumulated_damage(
 
     Accuracy: second order in the sampling interval dt, and exact for a temperature that is linear in time where the
     law's logarithm is linear in temperature, as that of thermal dose on either side of 43 degC. Else the relative
-    error is dt^2 / 12 times the second derivative of the logarithm of the rate: for the default Arrhenius law at
-    60 degC that is 1.4e-4 too low where temperature changes linearly by 1 K between samples, 45 times less than
-    with the trapezoidal rule. An interval in which thermal dose crosses 43 degC by a change of d kelvin loses at most
-    dt d ln(2) / 8, 0.0014 min at 1 K and 1 s. In float32, 1e-5.
+    error is dt^2 / 12 times the second derivative of the logarithm of the rate: the default Arrhenius law at 60 degC
+    comes out 1.4e-4 too low where temperature changes linearly by 1 K between samples, 45 times closer than by the
+    trapezoidal rule. An interval in which thermal dose crosses 43 degC by a change of d kelvin loses at most
+    dt d ln(2) / 8, 0.0014 min at 1 K and 1 s. A sonication that is switched off has a sharp peak of the rate, which
+    this meets 20 times closer than trapezia do (1 s of heat sampled every 0.1 s: dose 0.3 % instead of 9 %); a peak as
+    round as the sampling is fine is met closer by trapezia, whose errors cancel there. In float32, 1e-5.
     Differentiability: in temperature, time and the law's constants; at 43 degC the upper slope. Values and slopes of
     all laws here are finite to 120 degC in float32 and beyond.
     """

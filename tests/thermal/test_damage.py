@@ -6,9 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from scipy.integrate import quad, simpson
 from scipy.optimize import brentq
 
+from arfjax.exact.bioheat import gaussian_source_rise
+from arfjax.media import ThermalMedium
 from arfjax.thermal.damage import (
     LETHAL_DOSE_MINUTES,
     ArrheniusDamage,
@@ -85,6 +87,21 @@ def test_second_order_against_adaptive_quadrature(law):
     assert errors[-1] < 1e-3
 
 
+@pytest.mark.parametrize(("law", "gain"), [(ThermalDose(), 25.0), (ArrheniusDamage(), 20.0)])
+def test_a_short_sonication_is_far_closer_than_by_trapezia(law, gain):
+    """1 s of heat and 4 s of cooling, exact temperatures every 0.1 s: the rate has a sharp peak at the switch."""
+    tissue = ThermalMedium(0.51, 3.8e6, 3.6e4)
+    source = {"heat": 2e7, "radius": 0.8e-3, "half_length": 5e-3, "heating_duration": 1.0}
+    time = np.linspace(0.0, 5.0, 801)
+    rise = np.array([float(gaussian_source_rise(0.0, 0.0, at, tissue, **source)) for at in time])
+    temperature = 37.0 + 23.0 * rise / rise.max()
+    rate = np.array([rate_of(law, at) for at in temperature])
+    exact = simpson(rate[:161], x=time[:161]) + simpson(rate[160:], x=time[160:])
+    error = float(accumulated_damage(law, temperature[::16], time[::16])[-1]) / exact - 1.0
+    trapezia = np.trapezoid(rate[::16], time[::16]) / exact - 1.0
+    assert 0.0 < error < trapezia / gain < 4e-3
+
+
 def test_thermal_dose_is_exact_for_temperature_linear_in_time():
     start, stop, duration = 44.0, 75.0, 30.0
     time = np.array([0.0, 4.0, 5.0, 17.0, 30.0])
@@ -158,7 +175,7 @@ def test_values_and_slopes_are_finite_to_120_degrees(law, dtype):
     high = rate_of(law, 120.0)
     low = np.array([rate_of(law, start) for start in starts[:-1]])
     exact = [*(0.5 * (high - low) / np.log(high / low)), 0.5 * high]
-    np.testing.assert_allclose(value, exact, rtol=1e-10 if dtype == jnp.float64 else 5e-5)
+    np.testing.assert_allclose(value, exact, rtol=1e-10 if dtype == jnp.float64 else 2e-5)
     assert np.all(slopes[1] > 0.0) and np.all(slopes[0] >= 0.0) and np.all(np.isfinite(slopes))
 
 
@@ -184,7 +201,7 @@ def test_single_precision_holds_where_stated(dtype):
         got = accumulated_damage(law, pulse(np.asarray(time)).astype(dtype), time)
         assert got.dtype == dtype
         reference = accumulated_damage(law, pulse(np.linspace(0.0, 60.0, 61)), np.linspace(0.0, 60.0, 61))
-        np.testing.assert_allclose(got[-1], reference[-1], rtol=5e-5 if dtype == jnp.float32 else 1e-14)
+        np.testing.assert_allclose(got[-1], reference[-1], rtol=1e-5 if dtype == jnp.float32 else 1e-14)
 
 
 @BY_NAME
