@@ -25,6 +25,11 @@ def ellipsoid_dose(grid: AxisymmetricGrid, *, sharpness=3.0, centre=CENTRE, quar
     return jnp.asarray(threshold) * jnp.exp(sharpness * (1.0 - distance) + quartic * (1.0 - distance**2))
 
 
+def measured(dose, grid, size_of=lesion_size, **settings):
+    """Compiled as one, because each small operation on a new shape would be compiled on its own."""
+    return jax.jit(lambda dose: size_of(dose, grid, **settings))(dose)
+
+
 def mean_errors(size_of, exact, cells, **shape) -> list:
     """Averaged over where the contour lies between centres, which makes the error of a single lesion wander."""
     errors = []
@@ -75,7 +80,7 @@ def test_smoothed_size_is_of_second_order():
 def test_smoothed_size_differs_from_the_sharp_one_as_stated():
     grid, sharpness = grid_of(96), 3.4  # 30 times the threshold
     dose = ellipsoid_dose(grid, sharpness=sharpness, quartic=0.0)
-    sharp = lesion_size(dose, grid)
+    sharp = measured(dose, grid)
     widths = [0.125, 0.25, 0.5]
     smoothed = jax.jit(jax.vmap(lambda width: smoothed_lesion_size(dose, grid, width=width)))(jnp.asarray(widths))
     for name, factor in (("length", -1.0 / 24.0), ("diameter", -1.0 / 24.0), ("volume", 1.0 / 8.0)):
@@ -88,8 +93,8 @@ def test_smoothed_size_becomes_the_sharp_one_on_any_grid():
     """Also where cells are far wider than the transition, and where a wall cuts."""
     for grid in (grid_of(6), grid_of(15, near=CENTRE - 0.5 * HALF_LENGTH)):
         dose = ellipsoid_dose(grid)
-        smoothed = jax.jit(lambda dose, grid=grid: smoothed_lesion_size(dose, grid, width=1e-7))(dose)
-        sharp = lesion_size(dose, grid)
+        smoothed = measured(dose, grid, smoothed_lesion_size, width=1e-7)
+        sharp = measured(dose, grid)
         for name in ("length", "diameter", "volume"):
             np.testing.assert_allclose(getattr(smoothed, name), getattr(sharp, name), rtol=1e-6)
 
@@ -98,7 +103,7 @@ def test_smoothed_volume_is_the_integral_of_the_fraction():
     grid, width = grid_of(80), 0.5
     dose = ellipsoid_dose(grid)
     volume = np.sum(coagulated_fraction(dose, 240.0, width=width) * grid.volumes)
-    size = smoothed_lesion_size(dose, grid, width=width)
+    size = measured(dose, grid, smoothed_lesion_size, width=width)
     np.testing.assert_allclose(size.volume, volume, rtol=2e-3)
 
 
@@ -126,7 +131,7 @@ def test_a_damage_that_is_nowhere_and_one_that_is_everywhere_have_finite_slopes(
     for damage in (0.0, 1e30):
         for dtype in (jnp.float32, jnp.float64):
             assert np.all(np.isfinite(slope(jnp.full(grid.shape, damage, dtype))))
-    everything = smoothed_lesion_size(jnp.full(grid.shape, 1e30), grid, threshold=1.0, width=0.3)
+    everything = measured(jnp.full(grid.shape, 1e30), grid, smoothed_lesion_size, threshold=1.0, width=0.3)
     np.testing.assert_allclose(everything.volume, np.sum(grid.volumes), rtol=1e-12)
     np.testing.assert_allclose(everything.length, grid.z_faces[-1] - grid.z_faces[0], rtol=1e-12)
 
@@ -134,12 +139,12 @@ def test_a_damage_that_is_nowhere_and_one_that_is_everywhere_have_finite_slopes(
 def test_growth_is_the_size_at_each_time():
     grid = grid_of(12)
     history = jnp.stack([jnp.zeros(grid.shape), *(gain * ellipsoid_dose(grid) for gain in (0.01, 0.5, 4.0))])
-    growth = lesion_growth(history, grid, threshold=100.0)
+    growth = jax.jit(lambda history: lesion_growth(history, grid, threshold=100.0))(history)
     assert growth.length.shape == (4,) and float(growth.volume[0]) == 0.0 and float(growth.volume[1]) == 0.0
     for step in (2, 3):
+        single = measured(history[step], grid, threshold=100.0)
         for name in ("length", "diameter", "volume", "centre"):
-            single = getattr(lesion_size(history[step], grid, threshold=100.0), name)
-            np.testing.assert_allclose(getattr(growth, name)[step], single, rtol=1e-14)
+            np.testing.assert_allclose(getattr(growth, name)[step], getattr(single, name), rtol=1e-14)
         assert growth.volume[step] > growth.volume[step - 1] and growth.length[step] > growth.length[step - 1]
 
 
@@ -152,7 +157,7 @@ def test_nothing_lethal_has_no_size_and_no_slope(dose):
         return size.length + size.diameter + size.volume + size.centre
 
     values = jnp.full(grid.shape, dose)
-    size = lesion_size(values, grid)
+    size = measured(values, grid)
     assert float(size.length) == 0.0 and float(size.diameter) == 0.0 and float(size.volume) == 0.0
     assert grid.z_faces[0] <= float(size.centre) <= grid.z_faces[-1]
     slope = jax.jit(jax.grad(sizes))(values)
@@ -161,7 +166,7 @@ def test_nothing_lethal_has_no_size_and_no_slope(dose):
 
 def test_a_lethal_grid_is_cut_at_its_walls():
     grid = grid_of(6)
-    size = lesion_size(np.full(grid.shape, 1e4), grid)
+    size = measured(np.full(grid.shape, 1e4), grid)
     np.testing.assert_allclose(size.length, grid.z_faces[-1] - grid.z_faces[0], rtol=1e-13)
     np.testing.assert_allclose(size.diameter, 2.0 * grid.r_faces[-1], rtol=1e-13)
     np.testing.assert_allclose(size.volume, np.sum(grid.volumes), rtol=1e-13)
@@ -170,7 +175,7 @@ def test_a_lethal_grid_is_cut_at_its_walls():
 
 def test_a_lesion_that_leaves_the_grid_is_cut_there():
     grid = grid_of(60, near=CENTRE - 0.5 * HALF_LENGTH)
-    size = lesion_size(ellipsoid_dose(grid), grid)
+    size = measured(ellipsoid_dose(grid), grid)
     np.testing.assert_allclose(size.length, 1.5 * HALF_LENGTH, rtol=1e-3)
     np.testing.assert_allclose(size.diameter, 2.0 * RADIUS, rtol=1e-3)
     np.testing.assert_allclose(size.volume, (0.5 + 11.0 / 32.0) * ELLIPSOID[2], rtol=1e-3)
@@ -197,7 +202,7 @@ def test_two_lesions_add_their_lengths():
         240.0 * np.exp(6.0 * (1.0 - (grid.r[:, None] / 1e-3) ** 2 - ((grid.z[None, :] - at) / 4e-3) ** 2))
         for at in (0.015, 0.045)
     ]
-    size = lesion_size(two[0] + two[1], grid)
+    size = measured(two[0] + two[1], grid)
     np.testing.assert_allclose(size.length, 16e-3, rtol=1e-3)
     np.testing.assert_allclose(size.volume, 2.0 * 4.0 / 3.0 * np.pi * 1e-3**2 * 4e-3, rtol=3e-3)
     np.testing.assert_allclose(size.centre, 0.03, rtol=1e-6)
@@ -208,7 +213,7 @@ def test_a_batch_matches_single_lesions():
     doses = jnp.stack([ellipsoid_dose(grid, sharpness=s) for s in (1.0, 3.0, 8.0)])
     batch = jax.jit(jax.vmap(lambda dose: lesion_size(dose, grid)))(doses)
     for i, dose in enumerate(doses):
-        single = lesion_size(dose, grid)
+        single = measured(dose, grid)
         np.testing.assert_allclose(batch.length[i], single.length, rtol=1e-14)
         np.testing.assert_allclose(batch.diameter[i], single.diameter, rtol=1e-14)
         np.testing.assert_allclose(batch.centre[i], single.centre, rtol=1e-14)
