@@ -24,7 +24,7 @@ from arfjax.media import Scalar
 from arfjax.model import Model, TabulatedSize
 from arfjax.numerics.derivatives import forward_by_reverse
 from arfjax.protocols.discretisation import Discretisation
-from arfjax.thermal.bioheat import focal_temperature, solve_bioheat
+from arfjax.thermal.bioheat import Phase, focal_temperature, solve_bioheat
 from arfjax.thermal.dose import cumulative_equivalent_minutes
 from arfjax.thermal.lesion import LesionSize, lesion_size
 
@@ -112,8 +112,7 @@ def simulate_heating(model: Model, protocol: StepwiseProtocol, settings: Discret
         grid,
         initial_temperature=start,
         arterial_temperature=start,
-        time_step=protocol.duration / settings.n_heat_steps,
-        n_steps=settings.n_heat_steps,
+        phases=[Phase(protocol.duration, settings.n_heat_steps)],
     )
     focal = focal_temperature(history, grid, settings.focus)
     scale = (protocol.final_temperature - start) / (focal[-1] - start)
