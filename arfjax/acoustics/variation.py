@@ -3,13 +3,14 @@ r"""Media whose attenuation and sound speed vary within a layer, as heating chan
 Where the constants depart from the layer's the wavenumber departs by dk(r, z), which acts in physical space: in each
 step of the march every harmonic is multiplied at the radial nodes by
 
-$$ \exp(-i\, dk(r, z_{mid})\, dz), \qquad dk = k(c + dc, \alpha + d\alpha) - k(c, \alpha) $$
+$$ \exp(-i\, dk(r)\, dz), \qquad dk = k(c + dc, \alpha + d\alpha) - k(c, \alpha) $$
 
-with the power law and the dispersion of `complex_wavenumber`. That is the wide-angle split operator of Thomson and
-Chapman. It is second order in the step; refraction is in it, reflection by the variation is not. The factor acts along
-the axis, while a component at the angle theta travels dz / cos(theta): of its *change* the part 1 - cos(theta) is
-missing, at the rim of a bowl as deep as its aperture 14 percent and 8 on the mean, nothing for a narrow beam. To first
-order in dk the exact operator couples modes m and n by 2 k dk_mn / (k_zm + k_zn), which no factor in r can do.
+with the power law and the dispersion of `complex_wavenumber`, dc and the change of alpha being means over the step:
+the wide-angle split operator of Thomson and Chapman, second order in the step. Refraction is in it, reflection by the
+variation is not. The factor acts along the axis, while a component at the angle theta travels dz / cos(theta): of its
+*change* the part 1 - cos(theta) is missing, at the rim of a bowl as deep as its aperture 14 percent and 9 at its
+focus, nothing in a narrow beam. To first order in dk the exact operator couples the modes m and n by
+2 k dk_mn / (k_zm + k_zn), which no factor in r can do.
 Source: Thomson & Chapman, J. Acoust. Soc. Am. 74 (1983) 1848.
 """
 
@@ -28,6 +29,9 @@ from arfjax.media import AcousticMedium, Scalar
 
 _ROUNDING = 1e-9
 """How far below zero [Np/m] rounding may take the attenuation of a lossless medium."""
+
+Bounds = tuple[float, float]
+"""Front and back of a layer [m]."""
 
 
 class MediumVariation(eqx.Module):
@@ -69,27 +73,30 @@ class MediumVariation(eqx.Module):
             if not isinstance(values, Tracer) and not np.all(np.isfinite(values)):
                 raise InputError(f"`{name}` of a variation holds values that are not finite.")
 
-    def in_layer(
-        self, front: float, back: float, r: Float[np.ndarray, " r"], z: Float[np.ndarray, " z"]
+    def at(
+        self, layer: Bounds, r: Float[np.ndarray, " r"], z: Float[np.ndarray, " z"]
     ) -> tuple[Float[Array, "r z"], Float[Array, "r z"]] | None:
-        """Changes of attenuation and sound speed at radii and positions in the layer between `front` and `back` [m].
+        """Changes of attenuation and sound speed at radii and positions [m] in a layer.
 
         None where the layer holds no centre.
 
         Accuracy: second order in the spacing.
         """
-        mine = self._cells(front, back)
-        if not np.any(mine):
-            return None
-        axial = np.zeros((len(z), len(self.z)))
-        axial[:, mine] = _linear(self.z[mine], z)
-        axial[(z < 1.5 * self.z[0] - 0.5 * self.z[1]) | (z > _end(self.z))] = 0.0
-        radial, axial = (jnp.asarray(weights, dtype=float) for weights in (self._radial_weights(r), axial))
+        mine, (start, stop) = self._cells(layer), _ends(self.z)
+        axial = _linear(self.z[mine], z) * ((start <= z) & (z <= stop))[:, None]
+        return self._sampled(r, axial, mine)
 
-        def sampled(values: Array | np.ndarray) -> Array:
-            return radial @ jnp.asarray(values, dtype=float) @ axial.T
-
-        return sampled(self.attenuation), sampled(self.sound_speed)
+    def mean_between(
+        self, layer: Bounds, r: Float[np.ndarray, " r"], positions: Float[np.ndarray, " position"]
+    ) -> tuple[Float[Array, "r step"], Float[Array, "r step"]] | None:
+        """Mean changes from each of the positions [m] in a layer to the next one; None where it holds no centre."""
+        mine, inside = self._cells(layer), np.clip(positions, *_ends(self.z))
+        # The trapezoidal rule is exact between kinks, so that no step can miss a peak or the grid's end.
+        kinks = np.union1d(inside, self.z[mine])
+        values = _linear(self.z[mine], kinks)
+        pieces = 0.5 * (values[1:] + values[:-1]) * np.diff(kinks)[:, None]
+        integral = np.concatenate([0.0 * values[:1], np.cumsum(pieces, axis=0)])[np.searchsorted(kinks, inside)]
+        return self._sampled(r, np.diff(integral, axis=0) / np.diff(positions)[:, None], mine)
 
     def check(self, media: list[AcousticMedium], interfaces: Float[np.ndarray, " n"]) -> None:
         """Refuse what makes no sense in these layers, as far as values are concrete.
@@ -105,8 +112,8 @@ class MediumVariation(eqx.Module):
                 "Millimetres? Pass metres from the bowl's apex."
             )
         for medium, front, back in zip(media, interfaces[:-1], interfaces[1:], strict=True):
-            mine = self._cells(front, back)
-            if np.any(mine) and (
+            mine = self._cells((front, back))
+            if mine.size > 0 and (
                 _lowest(medium.sound_speed, self.sound_speed, mine) <= 0.0
                 or _lowest(medium.attenuation, self.attenuation, mine) < -_ROUNDING
             ):
@@ -115,17 +122,24 @@ class MediumVariation(eqx.Module):
                     "It is added to the layer's constants."
                 )
 
-    def _cells(self, front: float, back: float) -> np.ndarray:
-        return (self.z >= front) & (self.z < back)
+    def _cells(self, layer: Bounds) -> np.ndarray:
+        """Which positions along the axis lie in a layer."""
+        return np.flatnonzero((self.z >= layer[0]) & (self.z < layer[1]))
 
-    def _radial_weights(self, r: Float[np.ndarray, " r"]) -> Float[np.ndarray, "r n_r"]:
+    def _sampled(
+        self, r: Float[np.ndarray, " r"], axial: Float[np.ndarray, "out cell"], mine: np.ndarray
+    ) -> tuple[Float[Array, "r out"], Float[Array, "r out"]] | None:
+        if mine.size == 0:
+            return None
         weights = _linear(self.r, r)
         near = r < self.r[0]
         # Constant up to the axis would be first order; even in r it is a + b r^2 through the first two centres.
         weights[near, 1] = (r[near] ** 2 - self.r[0] ** 2) / (self.r[1] ** 2 - self.r[0] ** 2)
         weights[near, 0] = 1.0 - weights[near, 1]
-        weights[r > _end(self.r)] = 0.0
-        return weights
+        weights[r > _ends(self.r)[1]] = 0.0
+        across, along = jnp.asarray(weights, dtype=float), jnp.asarray(axial.T, dtype=float)
+        attenuation, speed = (jnp.asarray(each, dtype=float)[:, mine] for each in (self.attenuation, self.sound_speed))
+        return across @ attenuation @ along, across @ speed @ along
 
 
 def wavenumber_change(
@@ -147,17 +161,16 @@ def wavenumber_change(
 def step_factors(
     variation: MediumVariation | None,
     medium: AcousticMedium,
-    layer: tuple[float, float],
+    layer: Bounds,
     frequency: Float[Array, " harmonic"],
     nodes: Float[np.ndarray, " node"],
     positions: Float[np.ndarray, " position"],
 ) -> Complex[Array, "step harmonic node"] | None:
     """What the variation multiplies the pressure at the nodes [m] with in each step between positions [m] of a layer.
 
-    None where the layer, given by its front and back [m], does not vary.
+    None where the layer does not vary.
     """
-    middles = 0.5 * (positions[1:] + positions[:-1])
-    changes = None if variation is None else variation.in_layer(*layer, nodes, middles)
+    changes = None if variation is None else variation.mean_between(layer, nodes, positions)
     if changes is None:
         return None
     lengths = jnp.asarray(np.diff(positions), dtype=float)
@@ -167,7 +180,7 @@ def step_factors(
 def local_constants(
     variation: MediumVariation | None,
     medium: AcousticMedium,
-    layer: tuple[float, float],
+    layer: Bounds,
     frequency: Float[Array, " harmonic"],
     r: Float[np.ndarray, " r"],
     z: Float[np.ndarray, " z"],
@@ -175,7 +188,7 @@ def local_constants(
     """Sound speed [m/s] and attenuation of each harmonic [Np/m] at radii and positions [m] of a layer."""
     speed = jnp.full((len(r), len(z)), jnp.asarray(medium.sound_speed, dtype=float))
     lost = jnp.broadcast_to(attenuation(medium, frequency)[:, None, None], (len(frequency), *speed.shape))
-    changes = None if variation is None else variation.in_layer(*layer, r, z)
+    changes = None if variation is None else variation.at(layer, r, z)
     if changes is None:
         return speed, lost
     more_attenuation, more_speed = changes
@@ -185,11 +198,13 @@ def local_constants(
 
 def _linear(centres: Float[np.ndarray, " n"], positions: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m n"]:
     """Matrix of linear interpolation from centres to positions, the outermost values held."""
-    return np.stack([np.interp(positions, centres, column) for column in np.eye(len(centres))], axis=1)
+    columns = [np.interp(positions, centres, column) for column in np.eye(len(centres))]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(positions), 0))
 
 
-def _end(centres: Float[np.ndarray, " n"]) -> float:
-    return float(1.5 * centres[-1] - 0.5 * centres[-2])
+def _ends(centres: Float[np.ndarray, " n"]) -> tuple[float, float]:
+    """Where a grid ends: half a spacing beyond its outermost centres."""
+    return float(1.5 * centres[0] - 0.5 * centres[1]), float(1.5 * centres[-1] - 0.5 * centres[-2])
 
 
 def _lowest(constant: Scalar, change: Array | np.ndarray, cells: np.ndarray) -> float:
