@@ -3,6 +3,8 @@
 The bowl throughout is that of test_one_way: 64 mm across with a 20 mm hole, curvature 62.6 mm, at 1.1 MHz.
 """
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -48,8 +50,48 @@ def uniform(front, back, attenuation=0.0, sound_speed=0.0):
     return MediumVariation(r, z, jnp.full((5, 5), attenuation), jnp.full((5, 5), sound_speed))
 
 
-def field(variation, *, layers=LAYERS, settings=COARSE, z=Z, r=R, bowl=BOWL, **options):
-    return solve_field(bowl, DRIVE, layers, r=r, z=z, settings=settings, variation=variation, **options)
+@functools.cache
+def solver(layers, settings, z, r, bowl, diffraction, positions):
+    """Compiled once for all variations on the same positions."""
+
+    @jax.jit
+    def solve(values, layers):
+        variation = None if values is None else MediumVariation(*map(np.asarray, positions), *values)
+        each, where = dict(settings=settings, diffraction=diffraction), dict(r=np.asarray(r), z=np.asarray(z))
+        return solve_field(bowl, DRIVE, list(layers), **where, **each, variation=variation)
+
+    return solve
+
+
+def field(variation, *, layers=LAYERS, settings=COARSE, z=Z, r=R, bowl=BOWL, diffraction=ExactOneWay()):  # noqa: B008
+    values, positions = None, None
+    if variation is not None:
+        values = (variation.attenuation, variation.sound_speed)
+        positions = (tuple(variation.r), tuple(variation.z))
+    thicknesses = tuple(layer.thickness for layer in layers)
+    return solver(thicknesses, settings, tuple(z), tuple(r), bowl, diffraction, positions)(values, layers)
+
+
+FREQUENCY = jnp.asarray([1.1e6])
+PLANES = np.linspace(40e-3, 80e-3, 11)
+
+
+def beam(variation, step, *, diffraction=ExactOneWay(), n_radial=144):  # noqa: B008
+    """Bessel series on the planes of a Gaussian beam in water that is focused on the last one; no sponge."""
+    basis = hankel_basis(n_radial, 62e-3)
+    phase = OMEGA / 1482.0 * (np.hypot(basis.nodes, 40e-3) - 40e-3)
+    start = basis.to_series @ np.exp(-((basis.nodes / 10e-3) ** 2) + 1j * phase)
+    kz = diffraction.axial_wavenumber(jnp.asarray([OMEGA / 1482.0 + 0j]), jnp.asarray(basis.wavenumbers))
+    every = round(4e-3 / step)
+    positions = np.linspace(PLANES[0], PLANES[-1], 10 * every + 1)
+    factors = step_factors(variation, WATER, (0.0, 0.1), FREQUENCY, basis.nodes, positions)
+    history = march(jnp.asarray(start)[None], kz, positions, basis, lambda pressure, _: pressure, factors)
+    return basis, np.asarray(history[::every])
+
+
+def axis(variation, step, **options):
+    """Pressure of that beam on the axis, in its own units."""
+    return beam(variation, step, **options)[1].sum(axis=(1, 2))
 
 
 def relative(values, reference):
@@ -127,38 +169,26 @@ def test_a_thin_lens_moves_the_field_as_fresnel_has_it():
 
 @pytest.mark.parametrize("diffraction", [ExactOneWay(), Parabolic()])
 def test_a_lossless_variation_keeps_the_square_of_the_pressure(diffraction):
-    """Without sponge: the integral of |p|^2 over a plane, which both factors of a step keep (power to small angles)."""
-    basis = hankel_basis(144, 62e-3)
-    variation = heated(attenuation=0.0, sound_speed=-60.0)
-    positions = np.linspace(40e-3, 80e-3, 121)
-    frequency = jnp.asarray([1.1e6])
-    kz = diffraction.axial_wavenumber(jnp.asarray([OMEGA / 1482.0 + 0j]), jnp.asarray(basis.wavenumbers))
-    start = jnp.asarray(basis.to_series @ np.exp(-((basis.nodes / 4e-3) ** 2)) + 0j)[None]
-    factors = step_factors(variation, WATER, (0.0, 0.1), frequency, basis.nodes, positions)
-    assert np.ptp(np.angle(np.asarray(factors))) > 0.05
-    history = np.asarray(march(start, kz, positions, basis, lambda pressure, _: pressure, factors))
+    """The integral of |p|^2 over a plane, which both factors of a step keep (it is the power, to small angles)."""
+    basis, history = beam(heated(attenuation=0.0, sound_speed=-60.0), 0.4e-3, diffraction=diffraction)
+    plain = beam(None, 0.4e-3, diffraction=diffraction)[1]
+    assert relative(history, plain) > 0.1
     square = np.sum(basis.norms * np.abs(history) ** 2, axis=(1, 2))
-    # What kinks of the interpolation bend beyond grazing is lost.
     np.testing.assert_allclose(square, square[0], rtol=4e-7)
 
 
 def test_second_order_in_the_axial_step():
-    def run(step):
-        return field(heated(), settings=MarchSettings(n_radial=144, axial_step=step)).pressure
-
-    # 24 mm and twice 4 mm in whole numbers of steps.
-    steps = [4e-3 / count for count in (3, 6, 12)]
-    exact = run(4e-3 / 96)
-    errors = [relative(run(step), exact) for step in steps]
+    steps = [4e-3 / count for count in (4, 8, 16)]
+    exact = axis(heated(), 4e-3 / 128)
+    errors = [relative(axis(heated(), step), exact) for step in steps]
     assert_order(steps, errors, order=2)
     assert errors[-1] < 2e-4
 
 
 def test_second_order_in_the_grid_of_the_variation():
-    settings = MarchSettings(n_radial=144, axial_step=0.25e-3)
-    exact = field(heated(0.05e-3), settings=settings).pressure
-    spacings = [1e-3, 0.5e-3, 0.25e-3]
-    errors = [relative(field(heated(spacing), settings=settings).pressure, exact) for spacing in spacings]
+    exact = axis(heated(0.1e-3), 0.5e-3)
+    spacings = [2e-3, 1e-3, 0.5e-3]
+    errors = [relative(axis(heated(spacing), 0.5e-3), exact) for spacing in spacings]
     assert_order(spacings, errors, order=2)
 
 
@@ -209,9 +239,8 @@ def test_local_values_are_those_that_heat_and_push():
 
 def test_faster_tissue_on_the_axis_spreads_the_beam_and_slower_gathers_it():
     """A hot core is a diverging lens where sound gets faster with heat (tissue), a gathering one where slower (fat)."""
-    z = np.arange(55e-3, 70e-3, 0.5e-3)
     peak = {
-        change: float(np.abs(field(heated(sound_speed=change, attenuation=0.0), z=z).pressure[0, 0]).max())
+        change: np.abs(axis(heated(sound_speed=change, attenuation=0.0), 0.4e-3)[PLANES < 65e-3]).max()
         for change in (-30.0, 0.0, 30.0)
     }
     assert peak[30.0] < peak[0.0] < peak[-30.0]
