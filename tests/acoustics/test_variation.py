@@ -81,12 +81,16 @@ def beam(variation, step, *, diffraction=ExactOneWay(), n_radial=144):  # noqa: 
     basis = hankel_basis(n_radial, 62e-3)
     phase = OMEGA / 1482.0 * (np.hypot(basis.nodes, 40e-3) - 40e-3)
     start = basis.to_series @ np.exp(-((basis.nodes / 10e-3) ** 2) + 1j * phase)
-    kz = diffraction.axial_wavenumber(jnp.asarray([OMEGA / 1482.0 + 0j]), jnp.asarray(basis.wavenumbers))
     every = round(4e-3 / step)
     positions = np.linspace(PLANES[0], PLANES[-1], 10 * every + 1)
-    factors = step_factors(variation, WATER, (0.0, 0.1), FREQUENCY, basis.nodes, positions)
-    history = march(jnp.asarray(start)[None], kz, positions, basis, lambda pressure, _: pressure, factors)
-    return basis, np.asarray(history[::every])
+
+    @jax.jit
+    def run():
+        kz = diffraction.axial_wavenumber(jnp.asarray([OMEGA / 1482.0 + 0j]), jnp.asarray(basis.wavenumbers))
+        factors = step_factors(variation, WATER, (0.0, 0.1), FREQUENCY, basis.nodes, positions)
+        return march(jnp.asarray(start)[None], kz, positions, basis, lambda pressure, _: pressure, factors)
+
+    return basis, np.asarray(run()[::every])
 
 
 def axis(variation, step, **options):
@@ -179,7 +183,7 @@ def test_a_lossless_variation_keeps_the_square_of_the_pressure(diffraction):
 
 def test_second_order_in_the_axial_step():
     steps = [4e-3 / count for count in (4, 8, 16)]
-    exact = axis(heated(), 4e-3 / 128)
+    exact = axis(heated(), 4e-3 / 64)
     errors = [relative(axis(heated(), step), exact) for step in steps]
     assert_order(steps, errors, order=2)
     assert errors[-1] < 2e-4
