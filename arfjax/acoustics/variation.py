@@ -133,7 +133,7 @@ class MediumVariation(eqx.Module):
             return None
         weights = _linear(self.r, r)
         near = r < self.r[0]
-        # Constant up to the axis would be first order; even in r it is a + b r^2 through the first two centres.
+        # A smooth function is even in r: a + b r^2 through the first two centres, without a kink on the axis.
         weights[near, 1] = (r[near] ** 2 - self.r[0] ** 2) / (self.r[1] ** 2 - self.r[0] ** 2)
         weights[near, 0] = 1.0 - weights[near, 1]
         weights[r > _ends(self.r)[1]] = 0.0
