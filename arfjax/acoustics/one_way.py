@@ -139,12 +139,12 @@ def solve_field(
     """
     _check_positions(layers, r, z, settings)
     _check_bowl(bowl, drive, layers[0].medium, settings)
-    basis = hankel_basis(settings.n_radial, settings.domain_radius)
-    frequency = jnp.asarray(drive.frequency, dtype=float)[None]
-    amplitude = _start(bowl, drive, layers[0].medium, frequency, basis, settings)
     interfaces = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
     if variation is not None:
         variation.check([layer.medium for layer in layers], interfaces)
+    basis = hankel_basis(settings.n_radial, settings.domain_radius)
+    frequency = jnp.asarray(drive.frequency, dtype=float)[None]
+    amplitude = _start(bowl, drive, layers[0].medium, frequency, basis, settings)
     owner = _layer_of(z, interfaces)
     depth, recorded, constants = settings.start_plane, [], []
     for index in range(owner[-1] + 1):
