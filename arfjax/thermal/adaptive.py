@@ -6,7 +6,7 @@ hits every output time and every switch of the power exactly.
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import diffrax
 import equinox as eqx
@@ -48,7 +48,7 @@ def solve_adaptively(
     error: float = 0.05,
     tolerance: float = FROZEN,
     walls: Walls | None = None,
-    adjoint: diffrax.AbstractAdjoint = diffrax.RecursiveCheckpointAdjoint(),  # noqa: B008  frozen and without state
+    mode: Literal["reverse", "forward"] = "reverse",
 ) -> FeedbackHistory:
     """As `arfjax.thermal.feedback.solve_with_feedback`, in steps chosen by their error.
 
@@ -63,23 +63,20 @@ def solve_adaptively(
             would make it; the result's own error is far smaller.
         tolerance: How far temperature may move before `source` is asked again [K]; see `solve_with_feedback`.
         walls: All at the initial temperature when None.
-        adjoint: How derivatives are taken: `diffrax.ForwardMode()` for forward mode.
+        mode: Which derivatives can be taken; a loop whose length is not known allows one of the two.
 
     Raises:
         InputError: if there is no phase, or a tolerance is not positive.
 
     Accuracy: the error of temperature falls in proportion to `error`, and is a small part of it.
-    Differentiability: reverse mode by default, forward mode with the other `adjoint`; as for fixed steps, with the
-    lengths of the steps counted as given.
+    Differentiability: in the `mode` asked for, as for fixed steps, with the lengths of the steps counted as given.
     """
     if not phases:
         raise InputError("`phases` is empty; give at least one `Phase`.")
     if not (0.0 < error < math.inf and tolerance > 0.0):
         raise InputError(f"`error` and `tolerance` must be positive [K], got {error} and {tolerance}.")
     initial = jnp.asarray(initial_temperature, dtype=float)
-    tissue = Tissue(
-        properties, cell_geometry(grid), Walls() if walls is None else walls, initial, arterial_temperature
-    )
+    tissue = Tissue(properties, cell_geometry(grid), Walls() if walls is None else walls, initial, arterial_temperature)
     times = phase_times(phases)
     solver = _Stepper(tissue, asking(source, initial), tolerance)
     nothing = Exposure(jnp.zeros(grid.shape), jnp.zeros(grid.shape))
@@ -95,7 +92,7 @@ def solve_adaptively(
         stepsize_controller=diffrax.ClipStepSizeController(
             diffrax.PIDController(rtol=0.0, atol=error, norm=_largest), step_ts=times
         ),
-        adjoint=adjoint,
+        adjoint=diffrax.RecursiveCheckpointAdjoint() if mode == "reverse" else diffrax.ForwardMode(),
         max_steps=_MOST_STEPS,
         throw=False,
     )

@@ -120,9 +120,7 @@ def solve_with_feedback(
     if not tolerance > 0.0:
         raise InputError(f"`tolerance` must be positive [K], or infinite for a frozen field, got {tolerance}.")
     initial = jnp.asarray(initial_temperature, dtype=float)
-    tissue = Tissue(
-        properties, cell_geometry(grid), Walls() if walls is None else walls, initial, arterial_temperature
-    )
+    tissue = Tissue(properties, cell_geometry(grid), Walls() if walls is None else walls, initial, arterial_temperature)
     lengths, powers = step_lengths(phases), step_powers(phases)
     start = Exposure(jnp.zeros(grid.shape), jnp.zeros(grid.shape))
     ask = asking(source, initial)
@@ -142,9 +140,7 @@ def solve_with_feedback(
     _, (states, heat, updated, error) = jax.lax.scan(step, (start, asked), (lengths, powers))
     states = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, states)
     effort = Effort(jnp.asarray(len(lengths)), jnp.asarray(0), jnp.max(error), jnp.asarray(True))
-    return FeedbackHistory(
-        phase_times(phases), initial + states.rise, states.dose, heat, jnp.cumsum(updated), effort
-    )
+    return FeedbackHistory(phase_times(phases), initial + states.rise, states.dose, heat, jnp.cumsum(updated), effort)
 
 
 def asking(source: HeatSource, initial_temperature: Float[Array, ""]) -> Callable[[Exposure], Asked]:
@@ -157,9 +153,7 @@ def asking(source: HeatSource, initial_temperature: Float[Array, ""]) -> Callabl
     return ask
 
 
-def ask_again(
-    ask: Callable[[Exposure], Asked], moved: Array, state: Exposure, asked: Asked, tolerance: float
-) -> Asked:
+def ask_again(ask: Callable[[Exposure], Asked], moved: Array, state: Exposure, asked: Asked, tolerance: float) -> Asked:
     """The source's answer for `state` where the tissue has moved, else the last one."""
     if tolerance == FROZEN:
         return asked  # spares compiling the source once more
