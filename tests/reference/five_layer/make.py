@@ -109,9 +109,12 @@ def main() -> None:
     liver, inside = layer == 4, theirs["T2_z"] > INTERFACES["muscle"] + SETTINGS.axial_step
     axis = CubicSpline(z[liver], heat[0, liver])(theirs["T2_z"][inside]) - theirs["T2_axis"][inside]
     plane = RectBivariateSpline(RADII, z[liver], heat[:, liver])(theirs["r"], theirs["z_focal_plane"])[:, 0]
-    print(f"heat on axis in liver, mean square: {_ratio(axis, theirs['T2_axis'][inside]):.2e} of the other code's")
-    print(f"heat in the focal plane:            {_ratio(plane - theirs['T2_plane'], theirs['T2_plane']):.2e}")
-    print(f"peak in liver: {heat[0, liver].max():.5e} W/m^3, theirs {theirs['T2_axis'][inside].max():.5e}")
+    lines = [
+        f"heat on axis in liver, mean square: {_ratio(axis, theirs['T2_axis'][inside]):.2e} of the other code's",
+        f"heat in the focal plane:            {_ratio(plane - theirs['T2_plane'], theirs['T2_plane']):.2e}",
+        f"peak in liver: {heat[0, liver].max():.5e} W/m^3, theirs {theirs['T2_axis'][inside].max():.5e}",
+    ]
+    print("\n".join(lines))  # noqa: T201
 
 
 def _ratio(difference: np.ndarray, of: np.ndarray) -> float:
