@@ -5,6 +5,7 @@ again whenever any cell's temperature has moved by more than a tolerance since i
 once, at the start: the frozen field.
 """
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 
@@ -12,6 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.ad_checkpoint import checkpoint_name
 from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
@@ -27,6 +29,8 @@ HeatSource = Callable[[Cells, Cells], Cells]
 
 FROZEN = math.inf
 """Tolerance of a source that is asked only once."""
+
+_ANSWER = "answer of the source"
 
 
 class Effort(eqx.Module):
@@ -126,13 +130,14 @@ def solve_with_feedback(
     ask = asking(source, initial)
     asked = ask(start)
 
-    # Each step is computed again on the way back: its many intermediate results are not worth their memory.
-    @jax.checkpoint
+    # Each step is computed again on the way back: its many intermediate results are not worth their memory. What the
+    # source answered is kept, so that the source, which recomputes its own intermediate results, is not asked thrice.
+    @functools.partial(jax.checkpoint, policy=jax.checkpoint_policies.save_only_these_names(_ANSWER))
     def step(carry: tuple[Exposure, Asked], given: tuple[Array, Array]) -> tuple[tuple[Exposure, Asked], tuple]:
         state, asked = carry
         length, power = given
         moved = (power > 0.0) & (movement(state, asked) > tolerance)
-        asked = ask_again(ask, moved, state, asked, tolerance)
+        asked = checkpoint_name(ask_again(ask, moved, state, asked, tolerance), _ANSWER)
         heat = power * asked.heat
         after, error = tissue.step(state, heat, length)
         return (after, asked), (after, heat, moved, jnp.max(jnp.abs(error)))
