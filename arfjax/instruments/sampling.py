@@ -5,7 +5,6 @@ field is interpolated by cubics in z and in r^2. A smooth axisymmetric field is 
 axis, and r^2 of a point is a smooth function of its coordinates: no square root, no kink, no special case there.
 """
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -14,9 +13,7 @@ from jaxtyping import Array, Float
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
 from arfjax.media import Scalar
-
-STENCIL = 4
-"""Cells in a row that a point is interpolated from, where there are so many: fourth order."""
+from arfjax.numerics.interpolation import interpolation_weights
 
 Positions = Float[Array, " point"]
 Shares = Float[Array, " point"] | Float[np.ndarray, " point"]
@@ -35,18 +32,18 @@ def point_weights(squared_radius: Positions, z: Positions, shares: Shares, grid:
     centres the last cubic is continued.
     Differentiability: in the positions, with jumps of slope of third order at cell centres.
     """
-    radial, axial = _interpolation(squared_radius, grid.r**2), _interpolation(z, grid.z)
+    radial, axial = interpolation_weights(squared_radius, grid.r**2), interpolation_weights(z, grid.z)
     return jnp.einsum("p,pr,pz->rz", jnp.asarray(shares), radial, axial)
 
 
 def radial_weights(squared_radius: Positions, shares: Shares, grid: AxisymmetricGrid) -> Float[Array, " r"]:
     """Weights of the mean over points of one plane z = const; see `point_weights`."""
-    return jnp.asarray(shares) @ _interpolation(squared_radius, grid.r**2)
+    return jnp.asarray(shares) @ interpolation_weights(squared_radius, grid.r**2)
 
 
 def axial_weights(z: Positions, shares: Shares, grid: AxisymmetricGrid) -> Float[Array, " z"]:
     """Weights of the mean over points of one line r = const; see `point_weights`."""
-    return jnp.asarray(shares) @ _interpolation(z, grid.z)
+    return jnp.asarray(shares) @ interpolation_weights(z, grid.z)
 
 
 def mean_over(weights: Float[Array, "r z"], values: Float[Array, "*batch r z"]) -> Float[Array, "*batch"]:
@@ -96,21 +93,3 @@ def require_field(name: str, shape: tuple[int, ...], grid: AxisymmetricGrid) -> 
     """Refuse values whose last two axes are not the cells of the grid."""
     if shape[-2:] != grid.shape:
         raise InputError(f"`{name}` has shape {shape}, the grid has {grid.shape} cells (r, z); pass the field's grid.")
-
-
-@jax.jit
-def _interpolation(points: Positions, nodes: Float[Array, " n"] | Float[np.ndarray, " n"]) -> Float[Array, "point n"]:
-    """Weight of each node at each point: the Lagrange polynomial through the nearest nodes."""
-    count = min(STENCIL, len(nodes))
-    same, positions = np.eye(count, dtype=bool), jnp.asarray(nodes)
-
-    def at(point: Float[Array, ""]) -> Float[Array, " n"]:
-        # The stencil is a matter of place, not of value: it has no derivative.
-        first = jnp.searchsorted(positions, jax.lax.stop_gradient(point)) - count // 2
-        chosen = jnp.clip(first, 0, len(nodes) - count) + jnp.arange(count)
-        near = positions[chosen]
-        gaps = jnp.where(same, 1.0, near[:, None] - near[None, :])
-        weights = jnp.prod(jnp.where(same, 1.0, (point - near)[None, :] / gaps), axis=1)
-        return jnp.zeros(len(nodes)).at[chosen].set(weights)
-
-    return jax.vmap(at)(points)
