@@ -9,7 +9,6 @@ middle of a source of $a^2 + w^2$ in place of $a^2$ (likewise along the axis): t
 """
 
 import dataclasses
-from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -39,6 +38,7 @@ _FINEST, _GROWTH, _EXTENT = 0.15, 1.2, 60.0  # of the grid, in radii a
 _PARTS = (1.0 / 24.0, 1.0 / 4.0, 1.0)  # of heating and of cooling, in ever longer steps
 _STEPS = 8  # in each part
 _SHORTEST_TIME, _LONGEST_TIME = 1.0 / 100.0, 100.0  # diffusion time over the span of the data
+_CURVE_POINTS = 401
 _FLATTEST, _LONGEST = 0.25, 400.0  # ratio of diffusion times
 
 
@@ -73,7 +73,7 @@ CONSTANTS = (
 def temperature_rise(
     heating: GaussianHeating, time: Float[Array, " n"] | Float[np.ndarray, " n"]
 ) -> Float[Array, " n"]:
-    """Rise in the middle of the source [K] at ascending times [s].
+    """Rise in the middle of the source [K] at times [s].
 
     Accuracy: `COURSE_ACCURACY` of the amplitude, from steps that are short after switching and cells that are small in
     the middle; between steps by cubics.
@@ -82,7 +82,8 @@ def temperature_rise(
     grid = _grid()
     medium = ThermalMedium(0.25 / heating.diffusion_time, 1.0, 0.0)  # lengths in radii, a unit heat capacity
     heat = jnp.exp(-jnp.asarray(grid.r**2)[:, None] - jnp.asarray(grid.z**2)[None, :] / heating.diffusion_time_ratio)
-    span = jnp.asarray(time[-1] - time[0])
+    time = jnp.asarray(time)
+    span = jnp.max(time) - jnp.min(time)
     history = solve_bioheat(
         uniform_field(medium, grid),
         heat,
@@ -93,7 +94,7 @@ def temperature_rise(
         walls=Walls(near=Insulated()),  # the plane of symmetry
     )
     middle = Thermocouple()(history, grid, z=0.0)
-    return heating.amplitude * _course(history, middle, jnp.asarray(time) - heating.start, heating.duration, span)
+    return heating.amplitude * _course(history, middle, time - heating.start, heating.duration, span)
 
 
 def _grid() -> AxisymmetricGrid:
@@ -129,6 +130,8 @@ class HeatingFit:
         values: The same in the order of `CONSTANTS`.
         uncertainty: Standard errors, correlations and what the data do not fix.
         fitted: Temperature of the fit at all rows [degC].
+        curve_time: Evenly spaced times from the first row to the last [s].
+        curve: Temperature of the fit there [degC].
         used: Rows that were fitted: those that are not occluded.
         rms: Root mean square of measured minus fitted, of these rows [K].
         noise_sd: Standard deviation of the noise as the residuals have it, degrees of freedom counted [K].
@@ -146,6 +149,8 @@ class HeatingFit:
     values: Float[np.ndarray, " n"]
     uncertainty: Uncertainty
     fitted: Float[np.ndarray, " rows"]
+    curve_time: Float[np.ndarray, " curve"]
+    curve: Float[np.ndarray, " curve"]
     used: np.ndarray
     rms: float
     noise_sd: float
@@ -167,10 +172,6 @@ class HeatingFit:
         outcome = () if self.converged else (f"The fit did not converge: {self.status}.",)
         unsure = (*self.uncertainty.not_identified.values(), *self.uncertainty.remarks)
         return (*outcome, *unsure, *_pairs(self.uncertainty), *self._noise())
-
-    def course(self, time: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-        """Fitted temperature [degC] at ascending times [s]."""
-        return self.baseline + np.asarray(_rise(self.heating, jnp.asarray(time)))
 
     def _noise(self) -> tuple[str, ...]:
         if abs(self.autocorrelation) < CORRELATED_RESIDUALS:
@@ -208,26 +209,29 @@ def fit_heating(
     scale = np.ones(len(time)) if data.sd is None else data.sd[used]
     parameters = _parameters(time, rise)
     starts = _starts(parameters, time, rise, n_starts, seed)
-    result, values, residuals, jacobian = _solve(parameters, starts, time, rise, scale)
-    best = np.asarray(result.solutions)[int(result.best)]
+    result = _solve(parameters, starts, time, rise, scale)
+    best = jnp.asarray(result.solutions)[result.best]
+    curve_time = np.linspace(float(data.time[0]), float(data.time[-1]), _CURVE_POINTS)
+    values, course, jacobian = _course_at(parameters, best, np.concatenate([data.time, curve_time]))
+    fitted, curve = np.split(baseline + course, [len(data)])
+    left = (data.temperature - fitted)[used]
     uncertainty = assess(
-        np.asarray(jacobian),
-        np.asarray(residuals),
-        np.asarray(values),
+        jacobian[: len(data)][used] / scale[:, None],
+        left / scale,
+        values,
         parameters,
         ends=[p.transform.end(float(u)) for p, u in zip(parameters, best, strict=True)],
         in_standard_deviations=data.sd is not None,
     )
-    heating = GaussianHeating(*values)
-    fitted = baseline + np.asarray(_rise(heating, jnp.asarray(data.time)))
-    left = (data.temperature - fitted)[used]
     return HeatingFit(
         data=data,
         baseline=baseline,
-        heating=heating,
-        values=np.asarray(values),
+        heating=GaussianHeating(*map(float, values)),
+        values=values,
         uncertainty=uncertainty,
         fitted=fitted,
+        curve_time=curve_time,
+        curve=curve,
         used=used,
         rms=float(np.sqrt(np.mean(left**2))),
         noise_sd=float(np.sqrt(np.sum(left**2) / (len(left) - len(values)))),
@@ -296,18 +300,28 @@ def _starts(
 @eqx.filter_jit
 def _solve(
     parameters: tuple[Parameter, ...], starts: np.ndarray, time: np.ndarray, rise: np.ndarray, scale: np.ndarray
-) -> tuple[MultiStart, Array, Array, Array]:
-    """The starts' ends; values, residuals and Jacobian in the values at the best."""
+) -> MultiStart:
+    def residual(unconstrained: Array, _) -> Array:
+        heating = GaussianHeating(*constrain(parameters, unconstrained))
+        return (temperature_rise(heating, time) - rise) / scale
 
-    def of_values(values: Array) -> Array:
-        return (temperature_rise(GaussianHeating(*values), jnp.asarray(time)) - rise) / scale
-
-    result = multi_start(lambda u, _: of_values(constrain(parameters, u)), starts, rtol=1e-6, atol=1e-6, max_steps=100)
-    values = constrain(parameters, result.solutions[result.best])
-    return result, values, of_values(values), jax.jacfwd(of_values)(values)
+    return multi_start(residual, starts, rtol=1e-6, atol=1e-6, max_steps=100)
 
 
-_rise: Callable = eqx.filter_jit(temperature_rise)
+def _course_at(parameters: tuple[Parameter, ...], unconstrained: Array, time: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Values of the constants, the rise at times and its derivative in the values."""
+
+    @jax.jit
+    def both(values: Array) -> tuple[Array, Array]:
+        def rise(values: Array) -> tuple[Array, Array]:
+            course = temperature_rise(GaussianHeating(*values), time)
+            return course, course
+
+        return jax.jacfwd(rise, has_aux=True)(values)
+
+    values = constrain(parameters, unconstrained)
+    jacobian, course = both(values)
+    return np.asarray(values), np.asarray(course), np.asarray(jacobian)
 
 
 def _pairs(uncertainty: Uncertainty) -> tuple[str, ...]:

@@ -33,8 +33,7 @@ def _draw_course(axes: Axes, fit: HeatingFit) -> None:
         axes.fill_between(
             data.time, data.t90, data.t10, color=_SPREAD, alpha=0.22, linewidth=0.0, label="T90 to T10 of the region"
         )
-    time = np.linspace(float(data.time[0]), float(data.time[-1]), 400)
-    axes.plot(time, fit.course(time), color=_FITTED, linewidth=1.4, label="fit")
+    axes.plot(fit.curve_time, fit.curve, color=_FITTED, linewidth=1.4, label="fit")
     dot = {"marker": "o", "markersize": 4.0, "linestyle": "none", "color": _MEASURED}
     if data.sd is not None:
         axes.errorbar(data.time, data.temperature, data.sd, fmt="none", ecolor=_MEASURED, elinewidth=0.8)
