@@ -54,6 +54,7 @@ from arfjax.protocols.stepwise import range_notes as range_notes
 from arfjax.protocols.stepwise import run_stepwise as run_stepwise
 from arfjax.protocols.stepwise import simulate_heating as simulate_heating
 from arfjax.protocols.stepwise import stepwise_displacement as stepwise_displacement
+from arfjax.thermal.bioheat import Phase as Phase
 from arfjax.thermal.bioheat import solve_bioheat as solve_bioheat
 from arfjax.thermal.dose import LETHAL_DOSE_MINUTES as LETHAL_DOSE_MINUTES
 from arfjax.thermal.dose import cumulative_equivalent_minutes as cumulative_equivalent_minutes

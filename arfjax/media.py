@@ -42,11 +42,13 @@ class ThermalMedium(eqx.Module):
         heat_capacity: Density times specific heat [J/(m^3 K)].
         perfusion_conductance: Heat that blood takes away per kelvin above arterial temperature: perfusion rate times
             density times specific heat of blood [W/(m^3 K)].
+        metabolic_heat: Heat that tissue makes itself [W/m^3].
     """
 
-    conductivity: Scalar
-    heat_capacity: Scalar
-    perfusion_conductance: Scalar
+    conductivity: Values
+    heat_capacity: Values
+    perfusion_conductance: Values
+    metabolic_heat: Values = 0.0
 
 
 class Zener(eqx.Module):

@@ -59,8 +59,7 @@ def heat() -> dict[str, float]:
         grid,
         initial_temperature=37.0,
         arterial_temperature=37.0,
-        time_step=0.1,
-        n_steps=100,
+        phases=[ax.Phase(10.0, 100)],
     )
     exact = gaussian_source_rise(r, z, 10.0, medium, heat=2e7, radius=1e-3, half_length=5e-3, heating_duration=10.0)
     error = np.abs(np.asarray(history.temperature[-1]) - 37.0 - exact).max() / exact.max()

@@ -24,7 +24,7 @@ from arfjax.media import Scalar
 from arfjax.model import Model, TabulatedSize
 from arfjax.numerics.derivatives import forward_by_reverse
 from arfjax.protocols.discretisation import Discretisation
-from arfjax.thermal.bioheat import focal_temperature, solve_bioheat
+from arfjax.thermal.bioheat import Phase, focal_temperature, solve_bioheat
 from arfjax.thermal.dose import cumulative_equivalent_minutes
 from arfjax.thermal.lesion import LesionSize, lesion_size
 
@@ -112,8 +112,7 @@ def simulate_heating(model: Model, protocol: StepwiseProtocol, settings: Discret
         grid,
         initial_temperature=start,
         arterial_temperature=start,
-        time_step=protocol.duration / settings.n_heat_steps,
-        n_steps=settings.n_heat_steps,
+        phases=[Phase(protocol.duration, settings.n_heat_steps)],
     )
     focal = focal_temperature(history, grid, settings.focus)
     scale = (protocol.final_temperature - start) / (focal[-1] - start)
@@ -127,8 +126,8 @@ def lesion_at(model: Model, heating: Heating, temperature: Scalar, settings: Dis
     """The lesion when the focus reaches `temperature` [degC]."""
     if isinstance(model.lesion.size, TabulatedSize):
         size = model.lesion.size
-        centre = jnp.asarray(settings.focus)
-        return LesionSize(jnp.asarray(size.length(temperature)), jnp.asarray(size.diameter(temperature)), centre)
+        length, diameter = jnp.asarray(size.length(temperature)), jnp.asarray(size.diameter(temperature))
+        return LesionSize(length, diameter, np.pi / 6.0 * length * diameter**2, jnp.asarray(settings.focus))
     dose = _interpolate_in_time(heating.dose, heating.time, _time_of(heating, temperature))
     return lesion_size(dose, settings.heat_grid, threshold=model.lesion.size.threshold)
 

@@ -1,40 +1,68 @@
 """Pennes' bioheat equation on an axisymmetric grid: how tissue warms, conducts and is cooled by blood.
 
-Conservative finite volumes in space (`arfjax.thermal.conduction`). In time, the two-stage diagonally implicit
-Runge-Kutta method of second order that is L-stable; both stages and all steps share one factorisation.
+Conservative finite volumes in space (`arfjax.thermal.conduction`), implicit along r and z in turn in time
+(`arfjax.thermal.splitting`). Here all constants stay as they are; `arfjax.thermal.feedback` lets them change.
 
 The unknown is the temperature rise above the uniform initial temperature, which keeps the small rises of a weak
 sonication exact in single precision.
 """
 
-import math
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
 from arfjax.media import Scalar
-from arfjax.numerics.block_tridiagonal import BlockCholesky, BlockTridiagonal, factorise, solve
-from arfjax.thermal.conduction import CellValues, Conductances, Geometry, cell_conductances, cell_geometry
+from arfjax.thermal.conduction import CellValues, Geometry, cell_conductances, cell_geometry
+from arfjax.thermal.conduction import Convective as Convective
 from arfjax.thermal.conduction import FixedTemperature as FixedTemperature
 from arfjax.thermal.conduction import Insulated as Insulated
 from arfjax.thermal.conduction import ThermalField as ThermalField
 from arfjax.thermal.conduction import Walls as Walls
 from arfjax.thermal.conduction import uniform_field as uniform_field
+from arfjax.thermal.splitting import march, split_operator
 
-GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
-"""Diagonal of the Runge-Kutta method: Alexander, SIAM J. Numer. Anal. 14 (1977) 1006, the L-stable two-stage one."""
 
-POSITIVITY_LIMIT = 1.0 + math.sqrt(2.0)
-"""Longest step, in units of the shortest time constant of a cell, that keeps every rise non-negative: the step within
-which the method's stability function is absolutely monotonic (Bolley & Crouzeix, RAIRO Anal. Numer. 12 (1978) 237)."""
+class Phase(eqx.Module):
+    """A stretch of time during which the heat stays the same.
 
-ALIGNMENT = 1e-6
-"""How far, in steps, `heating_duration` may be from a whole number of steps."""
+    Attributes:
+        duration: [s]; derivatives flow to it.
+        n_steps: Steps of equal length that it is taken in.
+        power: Factor on the heat: 1 heats, 0 lets cool.
+    """
+
+    duration: Scalar
+    n_steps: int = eqx.field(static=True)
+    power: Scalar = 1.0
+
+    def __check_init__(self) -> None:
+        """Refuse phases without duration or steps, and negative power."""
+        duration, power = _known(self.duration, 1.0), _known(self.power, 0.0)
+        if not (0.0 < duration < np.inf and self.n_steps >= 1):
+            raise InputError(f"a phase needs `duration` > 0 s and `n_steps` >= 1, got {duration} s and {self.n_steps}.")
+        if not 0.0 <= power < np.inf:
+            raise InputError(f"a phase needs a finite `power` of at least 0, got {power}.")
+
+    @property
+    def time_step(self) -> Scalar:
+        """[s]."""
+        return self.duration / self.n_steps
+
+
+def phase_times(phases: Sequence[Phase]) -> Float[Array, " time"]:
+    """Start of the first phase, 0, and the end of every step [s]."""
+    times, end = [jnp.zeros(1)], jnp.asarray(0.0)
+    for phase in phases:
+        times.append(end + jnp.arange(1, phase.n_steps + 1) * phase.time_step)
+        end = end + phase.duration
+    return jnp.concatenate(times)
 
 
 class TemperatureHistory(eqx.Module):
@@ -49,137 +77,77 @@ class TemperatureHistory(eqx.Module):
     temperature: Float[Array, "time r z"]
 
 
-class BioheatStepper(eqx.Module):
-    """One time step of the bioheat equation, ready to be taken many times.
-
-    Linear in the temperature rise and the heat. Made by `bioheat_stepper`, used by `solve_bioheat` and by whoever
-    lets the heat change from step to step.
-    """
-
-    conductances: Conductances
-    capacity: Float[Array, "r z"]
-    volumes: Float[Array, "r z"]
-    inflow: Float[Array, "r z"]
-    time_step: Scalar
-    matrix: BlockTridiagonal
-    factor: BlockCholesky
-
-    def advance(self, rise: Float[Array, "r z"], heat: CellValues) -> Float[Array, "r z"]:
-        """Temperature rise [K] one step later under a heat [W/m^3] that is constant in the step."""
-        power = jnp.asarray(heat) * self.volumes + self.inflow
-        first = self._rate(rise, power)
-        second = self._rate(rise + (1.0 - GAMMA) * self.time_step * first, power)
-        return rise + self.time_step * ((1.0 - GAMMA) * first + GAMMA * second)
-
-    def _rate(self, rise: Float[Array, "r z"], power: Float[Array, "r z"]) -> Float[Array, "r z"]:
-        """Rate of temperature at the end of an implicit stage [K/s].
-
-        The derivative comes from the five-point `_multiply`, not from the dense blocks: it is as cheap as a step.
-        """
-        return jax.lax.custom_linear_solve(
-            self._multiply,
-            power - self.conductances.leaving(rise),
-            solve=lambda _, right_side: self._substitute(right_side),
-            symmetric=True,
-        )
-
-    def _multiply(self, rate: Float[Array, "r z"]) -> Float[Array, "r z"]:
-        return self.capacity * rate + GAMMA * self.time_step * self.conductances.leaving(rate)
-
-    def _substitute(self, right_side: Float[Array, "r z"]) -> Float[Array, "r z"]:
-        if _blocks_are_columns(right_side.shape):
-            return solve(self.matrix, self.factor, right_side.T).T
-        return solve(self.matrix, self.factor, right_side)
-
-
-def bioheat_stepper(
-    field: ThermalField,
-    grid: AxisymmetricGrid,
-    *,
-    initial_temperature: Scalar,
-    arterial_temperature: Scalar,
-    time_step: Scalar,
-    walls: Walls | None = None,
-) -> BioheatStepper:
-    """The step of `solve_bioheat` on its own; call it under `jax.jit`, once for all steps.
-
-    Args:
-        field: Thermal constants at the cell centres of `grid`.
-        grid: Where the cells lie.
-        initial_temperature: From which rises are counted [degC].
-        arterial_temperature: Of the blood that enters [degC].
-        time_step: [s].
-        walls: All at the initial temperature when None.
-    """
-    _require_shape("field", field.conductivity, grid)
-    excess = jnp.asarray(initial_temperature) - arterial_temperature
-    return _stepper(field, cell_geometry(grid), Walls() if walls is None else walls, excess, time_step)
-
-
 def solve_bioheat(
     field: ThermalField,
     heat: CellValues,
     grid: AxisymmetricGrid,
     *,
+    phases: Sequence[Phase],
     initial_temperature: Scalar,
     arterial_temperature: Scalar,
-    time_step: float,
-    n_steps: int,
-    heating_duration: float | None = None,
     walls: Walls | None = None,
 ) -> TemperatureHistory:
     r"""Temperature of perfused tissue that is heated from a uniform temperature.
 
-    $$ \rho c \, \partial_t T = \nabla \cdot (k \nabla T) - W (T - T_a) + Q $$
+    $$ \rho c \, \partial_t T = \nabla \cdot (k \nabla T) - W (T - T_a) + Q_m + Q $$
 
     Args:
         field: Thermal constants at the cell centres of `grid`.
-        heat: Heat deposition Q at the cell centres, constant while it is on [W/m^3].
+        heat: Heat deposition Q at the cell centres [W/m^3].
         grid: Where the cells lie.
+        phases: Stretches of time, one after the other, each with its share of the heat.
         initial_temperature: Of all cells at time 0 [degC].
         arterial_temperature: Of the blood that enters, T_a [degC].
-        time_step: [s].
-        n_steps: Number of steps.
-        heating_duration: When the heat is switched off, a whole number of steps [s]; never when None.
         walls: All at the initial temperature when None.
 
     Returns:
-        Temperature at times 0, `time_step`, ..., `n_steps * time_step`.
+        Temperature at time 0 and after every step of every phase.
 
     Raises:
-        InputError: if shapes disagree with the grid, or the time settings make no sense.
+        InputError: if shapes disagree with the grid, or there is no phase.
 
-    Accuracy: second order in `time_step` and in the cell size; heat is conserved to rounding. L-stable: no step is
-    too long to be stable. A non-negative rise is guaranteed for `time_step` up to `positive_time_step`; beyond it a
-    jump of the heat from one cell to the next can undershoot slightly, smooth heat does not.
-    Differentiability: forward and reverse, in every leaf of `field`, `heat`, the temperatures and the walls.
+    Accuracy: second order in the time step and in the cell size; what the heat delivers is stored or lost to rounding.
+    No step is too long to be stable. Steps far longer than a cell's own time constants damp what varies from cell to
+    cell along r and z at once slowly, so a jump of the heat needs short steps, smooth heat does not.
+    Cost: proportional to cells times steps; a phase factorises once. The gradient costs about two more runs and
+    memory for all rates.
+    Differentiability: forward and reverse, in every leaf of `field`, `heat`, the durations and powers of the phases,
+    the temperatures and the walls.
     Source: Pennes, J. Appl. Physiol. 1 (1948) 93, eq. for tissue heat balance.
     """
-    for name, values in (("field", field.conductivity), ("heat", heat)):
-        _require_shape(name, values, grid)
-    n_heated = _heated_steps(time_step, n_steps, heating_duration)
+    require_shapes(grid, {"field": field.conductivity, "heat": heat})
+    if not phases:
+        raise InputError("`phases` is empty; give at least one `Phase`.")
     initial_temperature = jnp.asarray(initial_temperature, dtype=float)
-    rise = _march(
+    rise = _run(
         field,
         jnp.asarray(heat),
         cell_geometry(grid),
         Walls() if walls is None else walls,
         initial_temperature - arterial_temperature,
-        time_step,
-        np.arange(n_steps) < n_heated,
+        tuple(phases),
     )
-    return TemperatureHistory(time_step * jnp.arange(n_steps + 1, dtype=float), initial_temperature + rise)
+    return TemperatureHistory(phase_times(phases), initial_temperature + rise)
 
 
-def positive_time_step(field: ThermalField, grid: AxisymmetricGrid, *, walls: Walls | None = None) -> Float[Array, ""]:
-    """Longest step [s] for which no heat, however rough, can push any cell below the initial temperature.
-
-    It holds for walls and blood not colder than that. Smooth heat allows steps many times longer.
-    """
-    _require_shape("field", field.conductivity, grid)
-    walls = Walls() if walls is None else walls
-    conductances, _ = cell_conductances(field, cell_geometry(grid), walls)
-    return POSITIVITY_LIMIT * jnp.min(field.heat_capacity * grid.volumes / conductances.diagonal())
+@eqx.filter_jit
+def _run(
+    field: ThermalField,
+    heat: Float[Array, "r z"],
+    geometry: Geometry,
+    walls: Walls,
+    excess: Float[Array, ""],
+    phases: tuple[Phase, ...],
+) -> Float[Array, "time r z"]:
+    conductances, inflow = cell_conductances(field, geometry, walls)
+    capacity = jnp.asarray(field.heat_capacity * geometry.volumes)
+    always = inflow + (field.metabolic_heat - excess * field.perfusion_conductance) * geometry.volumes
+    rises = [jnp.zeros_like(capacity)[None]]
+    for phase in phases:
+        operator = split_operator(capacity, conductances, phase.time_step)
+        power = phase.power * heat * geometry.volumes + always
+        rises.append(march(operator, power, rises[-1][-1], phase.time_step, phase.n_steps))
+    return jnp.concatenate(rises)
 
 
 def focal_temperature(history: TemperatureHistory, grid: AxisymmetricGrid, z: Scalar) -> Float[Array, " time"]:
@@ -224,75 +192,15 @@ def _lagrange_weights(positions: Float[Array, " n"], z: Float[Array, ""]) -> Flo
     return jnp.prod(jnp.where(same, 1.0, (z - positions)[None, :] / spacings), axis=1)
 
 
-def _require_shape(name: str, values: CellValues, grid: AxisymmetricGrid) -> None:
-    if values.shape != grid.shape:
-        raise InputError(f"`{name}` has shape {values.shape}, the grid has {grid.shape} cells (r, z).")
+def require_shapes(grid: AxisymmetricGrid, values: dict[str, CellValues]) -> None:
+    """Refuse named values that do not have one number for every cell of the grid."""
+    for name, each in values.items():
+        if jnp.shape(each) != grid.shape:
+            raise InputError(f"`{name}` has shape {jnp.shape(each)}, the grid has {grid.shape} cells (r, z).")
 
 
-def _heated_steps(time_step: float, n_steps: int, heating_duration: float | None) -> int:
-    if time_step <= 0.0 or n_steps < 1:
-        raise InputError(f"need `time_step` > 0 s and `n_steps` >= 1, got {time_step} s and {n_steps}.")
-    if heating_duration is None:
-        return n_steps
-    n_heated = round(heating_duration / time_step)
-    if heating_duration < 0.0 or abs(heating_duration / time_step - n_heated) > ALIGNMENT:
-        raise InputError(
-            f"`heating_duration` {heating_duration} s must be a whole number of steps of {time_step} s. "
-            f"Change `time_step` so that it divides the duration."
-        )
-    return n_heated
-
-
-@jax.jit
-def _march(
-    field: ThermalField,
-    heat: Float[Array, "r z"],
-    geometry: Geometry,
-    walls: Walls,
-    excess: Float[Array, ""],
-    time_step: Scalar,
-    heated: Array,
-) -> Float[Array, "time r z"]:
-    stepper = _stepper(field, geometry, walls, excess, time_step)
-
-    def step(rise: Array, on: Array) -> tuple[Array, Array]:
-        rise = stepper.advance(rise, jnp.where(on, heat, 0.0))
-        return rise, rise
-
-    start = jnp.zeros_like(stepper.capacity)
-    _, rises = jax.lax.scan(step, start, heated)
-    return jnp.concatenate([start[None], rises])
-
-
-def _stepper(
-    field: ThermalField, geometry: Geometry, walls: Walls, excess: Float[Array, ""], time_step: Scalar
-) -> BioheatStepper:
-    conductances, inflow = cell_conductances(field, geometry, walls)
-    capacity = jnp.asarray(field.heat_capacity * geometry.volumes)
-    matrix = jax.lax.stop_gradient(_matrix(capacity, conductances, GAMMA * time_step))
-    return BioheatStepper(
-        conductances=conductances,
-        capacity=capacity,
-        volumes=geometry.volumes,
-        inflow=inflow - excess * field.perfusion_conductance * geometry.volumes,
-        time_step=time_step,
-        matrix=matrix,
-        factor=factorise(matrix),
-    )
-
-
-def _blocks_are_columns(shape: tuple[int, ...]) -> bool:
-    """Whether a block holds the cells of one z (as it should when there are fewer along r than along z)."""
-    return shape[0] <= shape[1]
-
-
-def _matrix(capacity: Float[Array, "r z"], conductances: Conductances, weight: Scalar) -> BlockTridiagonal:
-    """Heat capacity plus `weight` [s] times conduction."""
-    diagonal, within, across = capacity + weight * conductances.diagonal(), conductances.radial, conductances.axial
-    if _blocks_are_columns(capacity.shape):
-        diagonal, within, across = diagonal.T, within.T, across.T
-    else:
-        within, across = across, within
-    within, across = -weight * within, jnp.pad(-weight * across, ((1, 0), (0, 0)))
-    beside = jax.vmap(lambda values: jnp.diag(values, 1) + jnp.diag(values, -1))(within)
-    return BlockTridiagonal(jax.vmap(jnp.diag)(diagonal) + beside, jax.vmap(jnp.diag)(across))
+def _known(value: Scalar, otherwise: float) -> float:
+    """The value as a number, or what passes every check where it is traced or a batch."""
+    if isinstance(value, Tracer) or not isinstance(value, float | int | np.ndarray | jax.Array) or jnp.ndim(value):
+        return otherwise
+    return float(value)

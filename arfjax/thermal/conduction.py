@@ -18,31 +18,43 @@ CellValues = Float[Array, "r z"] | Float[np.ndarray, "r z"]
 
 
 class ThermalField(eqx.Module):
-    """Thermal constants at the cell centres of a grid, all positive (perfusion may be zero).
+    """Thermal constants at the cell centres of a grid, all positive (perfusion and metabolic heat may be zero).
 
     Attributes:
         conductivity: [W/(m K)].
         heat_capacity: Density times specific heat [J/(m^3 K)].
         perfusion_conductance: Heat that blood takes away per kelvin above arterial temperature [W/(m^3 K)].
+        metabolic_heat: Heat that tissue makes itself [W/m^3].
     """
 
     conductivity: CellValues
     heat_capacity: CellValues
     perfusion_conductance: CellValues
+    metabolic_heat: CellValues | Scalar = 0.0
 
 
 def uniform_field(medium: ThermalMedium, grid: AxisymmetricGrid) -> ThermalField:
     """The same medium in every cell of a grid."""
     ones = jnp.ones(grid.shape)
-    return ThermalField(ones * medium.conductivity, ones * medium.heat_capacity, ones * medium.perfusion_conductance)
+    return ThermalField(
+        conductivity=ones * medium.conductivity,
+        heat_capacity=ones * medium.heat_capacity,
+        perfusion_conductance=ones * medium.perfusion_conductance,
+        metabolic_heat=ones * medium.metabolic_heat,
+    )
 
 
 class Wall(eqx.Module):
     """What the outside does to the cells that touch one wall of the grid."""
 
     @abc.abstractmethod
-    def conductance(self, half_cell: Float[Array, " n"]) -> Float[Array, " n"]:
-        """Conductance [W/K] from cell centres to the outside, given that from cell centres to the wall."""
+    def conductance(self, half_cell: Float[Array, " n"], area: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Conductance [W/K] from cell centres to the outside.
+
+        Args:
+            half_cell: Conductance from cell centres to the wall [W/K].
+            area: Of the wall that each cell has [m^2].
+        """
 
     @abc.abstractmethod
     def temperature_rise(self) -> Scalar:
@@ -58,7 +70,7 @@ class FixedTemperature(Wall):
 
     rise: Scalar = 0.0
 
-    def conductance(self, half_cell: Float[Array, " n"]) -> Float[Array, " n"]:
+    def conductance(self, half_cell: Float[Array, " n"], area: Float[Array, " n"]) -> Float[Array, " n"]:
         """That of half a cell."""
         return half_cell
 
@@ -70,13 +82,34 @@ class FixedTemperature(Wall):
 class Insulated(Wall):
     """A wall that no heat passes."""
 
-    def conductance(self, half_cell: Float[Array, " n"]) -> Float[Array, " n"]:
+    def conductance(self, half_cell: Float[Array, " n"], area: Float[Array, " n"]) -> Float[Array, " n"]:
         """None."""
         return jnp.zeros_like(half_cell)
 
     def temperature_rise(self) -> Scalar:
         """Of no effect."""
         return 0.0
+
+
+class Convective(Wall):
+    """A wall that a moving fluid, such as a stirred water bath, cools or warms.
+
+    Attributes:
+        coefficient: Heat transfer coefficient [W/(m^2 K)].
+        rise: Temperature of the fluid above the initial temperature [K].
+    """
+
+    coefficient: Scalar
+    rise: Scalar = 0.0
+
+    def conductance(self, half_cell: Float[Array, " n"], area: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Half a cell and the fluid's boundary layer in series; none at a coefficient of zero."""
+        film = self.coefficient * area
+        return half_cell * film / (half_cell + film)
+
+    def temperature_rise(self) -> Scalar:
+        """The fluid's."""
+        return self.rise
 
 
 class Walls(eqx.Module):
@@ -116,23 +149,38 @@ def cell_geometry(grid: AxisymmetricGrid) -> Geometry:
 
 
 class Conductances(eqx.Module):
-    """Between neighbours along r, along z, and from each cell to blood and walls together [W/K]."""
+    """Between neighbours along r and along z, through the outer wall, and to blood and end walls together [W/K]."""
 
     radial: Float[Array, "r_inner z"]
     axial: Float[Array, "r z_inner"]
+    outer: Float[Array, " z"]
     loss: Float[Array, "r z"]
 
     def leaving(self, rise: Float[Array, "r z"]) -> Float[Array, "r z"]:
         """Net power that leaves each cell [W]."""
-        radial = jnp.pad(-self.radial * jnp.diff(rise, axis=0), ((1, 1), (0, 0)))
-        axial = jnp.pad(-self.axial * jnp.diff(rise, axis=1), ((0, 0), (1, 1)))
-        return jnp.diff(radial, axis=0) + jnp.diff(axial, axis=1) + self.loss * rise
+        return self.leaving_along_r(rise) + self.leaving_along_z(rise)
 
-    def diagonal(self) -> Float[Array, "r z"]:
-        """Sum of the conductances of each cell."""
-        radial = jnp.pad(self.radial, ((1, 1), (0, 0)))
+    def leaving_along_r(self, rise: Float[Array, "r z"]) -> Float[Array, "r z"]:
+        """Net power that leaves each cell to its neighbours along r and to the outer wall [W]."""
+        inner = jnp.zeros_like(rise[:1])
+        flow = jnp.concatenate([inner, -self.radial * jnp.diff(rise, axis=0), self.outer[None] * rise[-1:]])
+        return jnp.diff(flow, axis=0)
+
+    def leaving_along_z(self, rise: Float[Array, "r z"]) -> Float[Array, "r z"]:
+        """Net power that leaves each cell to its neighbours along z, to blood and to the end walls [W]."""
+        flow = jnp.pad(-self.axial * jnp.diff(rise, axis=1), ((0, 0), (1, 1)))
+        return jnp.diff(flow, axis=1) + self.loss * rise
+
+    def diagonal_along_r(self) -> Float[Array, "r z"]:
+        """Sum of each cell's conductances to its neighbours along r and to the outer wall."""
+        inner = jnp.zeros_like(self.outer)[None]
+        radial = jnp.concatenate([inner, self.radial, self.outer[None]])
+        return radial[1:] + radial[:-1]
+
+    def diagonal_along_z(self) -> Float[Array, "r z"]:
+        """Sum of each cell's conductances to its neighbours along z, to blood and to the end walls."""
         axial = jnp.pad(self.axial, ((0, 0), (1, 1)))
-        return radial[1:] + radial[:-1] + axial[:, 1:] + axial[:, :-1] + self.loss
+        return axial[:, 1:] + axial[:, :-1] + self.loss
 
 
 def cell_conductances(
@@ -142,9 +190,9 @@ def cell_conductances(
     conductivity = jnp.asarray(field.conductivity)
     radial = geometry.half_width[:, None] / conductivity  # resistance of half a cell times area
     axial = geometry.half_height[None, :] / conductivity
-    outer = walls.outer.conductance(geometry.radial_area[-1] / radial[-1])
-    near = walls.near.conductance(geometry.axial_area / axial[:, 0])
-    far = walls.far.conductance(geometry.axial_area / axial[:, -1])
+    outer = walls.outer.conductance(geometry.radial_area[-1] / radial[-1], geometry.radial_area[-1])
+    near = walls.near.conductance(geometry.axial_area / axial[:, 0], geometry.axial_area)
+    far = walls.far.conductance(geometry.axial_area / axial[:, -1], geometry.axial_area)
 
     def into_cells(outer: Array, near: Array, far: Array) -> Float[Array, "r z"]:
         cells = jnp.zeros_like(conductivity)
@@ -153,9 +201,11 @@ def cell_conductances(
     inflow = into_cells(
         outer * walls.outer.temperature_rise(), near * walls.near.temperature_rise(), far * walls.far.temperature_rise()
     )
+    ends = into_cells(jnp.zeros_like(outer), near, far)
     conductances = Conductances(
         radial=geometry.radial_area[:-1] / (radial[:-1] + radial[1:]),
         axial=geometry.axial_area[:, None] / (axial[:, :-1] + axial[:, 1:]),
-        loss=jnp.asarray(field.perfusion_conductance) * geometry.volumes + into_cells(outer, near, far),
+        outer=outer,
+        loss=jnp.asarray(field.perfusion_conductance) * geometry.volumes + ends,
     )
     return conductances, inflow

@@ -4,8 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
-from arfjax.thermal.dose import LETHAL_DOSE_MINUTES, cumulative_equivalent_minutes
+from arfjax.thermal.dose import LETHAL_DOSE_MINUTES, cumulative_equivalent_minutes, dose_rate
 from tests.checks import assert_gradient, assert_order
 
 RAMP = (35.0, 70.0, 60.0)  # from, to [degC], in [s]
@@ -26,20 +27,40 @@ def ramp_dose(temperature: float) -> float:
 def test_a_minute_at_a_constant_temperature(temperature, equivalent):
     time = np.array([0.0, 10.0, 45.0, 60.0])
     dose = cumulative_equivalent_minutes(np.full(4, temperature), time)
-    np.testing.assert_allclose(dose, equivalent * time / 60.0, rtol=1e-14)
+    np.testing.assert_allclose(dose, equivalent * time / 60.0, rtol=1e-13)
+    np.testing.assert_allclose(dose_rate(np.full(4, temperature)), equivalent, rtol=1e-13)
 
 
-def test_second_order_on_a_ramp_across_the_break():
+def test_a_ramp_across_the_break_is_exact_but_for_the_interval_that_bends():
+    """Samples that hit 43 degC exactly lose nothing; else one interval loses its triangle, less than stated."""
     start, stop, duration = RAMP
-    samples = [31, 61, 121, 241]
-    errors = []
-    for n in samples:
+    for n in (36, 71):
         time = np.linspace(0.0, duration, n)
         dose = cumulative_equivalent_minutes(start + (stop - start) * time / duration, time)
-        errors.append(abs(float(dose[-1]) / ramp_dose(stop) - 1.0))
-    assert_order([1.0 / (n - 1) for n in samples], errors, order=2.0, slack=0.1)
-    step = (stop - start) / (samples[-1] - 1)
-    np.testing.assert_allclose(errors[-1], (step * np.log(2.0)) ** 2 / 12.0, rtol=0.01)  # as the docstring says
+        np.testing.assert_allclose(dose[-1], ramp_dose(stop), rtol=1e-12)
+    for n in (31, 60, 62):
+        time = np.linspace(0.0, duration, n)
+        dose = cumulative_equivalent_minutes(start + (stop - start) * time / duration, time)
+        change, interval = (stop - start) / (n - 1), duration / (n - 1) / 60.0
+        at = np.searchsorted(start + (stop - start) * time / duration, 50.0)
+        lost = ramp_dose(start + (stop - start) * time[at] / duration) - float(dose[at])
+        assert 0.0 < lost <= 1.02 * interval * change * np.log(2.0) / 8.0
+
+
+def test_second_order_where_temperature_bends():
+    """A temperature that is quadratic in time, 44 to 60 degC: the error is that of its second derivative, as stated."""
+    samples, bend = [16, 31, 61, 121], -2.0 * 16.0 / 20.0**2
+
+    def temperature(time):
+        return 60.0 + 0.5 * bend * (time - 20.0) ** 2
+
+    exact, _ = quad(lambda t: 2.0 ** (temperature(t) - 43.0) / 60.0, 0.0, 20.0, epsrel=1e-13)
+    errors = []
+    for n in samples:
+        time = np.linspace(0.0, 20.0, n)
+        errors.append(1.0 - float(cumulative_equivalent_minutes(temperature(time), time)[-1]) / exact)
+    assert_order([1.0 / (n - 1) for n in samples], errors, order=2.0, slack=0.05)
+    np.testing.assert_allclose(errors[-1], -np.log(2.0) / 12.0 * bend * (20.0 / 120.0) ** 2, rtol=0.01)
 
 
 def test_the_ramp_is_lethal_near_55_degrees():
@@ -60,7 +81,8 @@ def test_uneven_sampling_of_a_field():
     for index in np.ndindex(3, 2):
         column = temperature[(slice(None), *index)]
         rate = np.where(column >= 43.0, 2.0, 4.0) ** (column - 43.0)
-        np.testing.assert_allclose(dose[(-1, *index)], np.trapezoid(rate, time / 60.0), rtol=1e-12)
+        log_means = np.diff(rate) / np.diff(np.log(rate))
+        np.testing.assert_allclose(dose[(-1, *index)], np.sum(log_means * np.diff(time) / 60.0), rtol=1e-12)
     assert np.all(np.diff(dose, axis=0) >= 0.0)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from arfjax.grid import AxisymmetricGrid
 from arfjax.media import ThermalMedium
-from arfjax.thermal.bioheat import FixedTemperature, ThermalField, Walls, focal_temperature, solve_bioheat
+from arfjax.thermal.bioheat import Convective, Phase, ThermalField, Walls, focal_temperature, solve_bioheat
 from arfjax.thermal.dose import cumulative_equivalent_minutes
 from arfjax.thermal.lesion import lesion_size
 
@@ -18,11 +18,15 @@ SHAPE = np.exp(-((GRID.r[:, None] / 2e-3) ** 2) - ((GRID.z[None, :] - 0.1) / 5e-
 def start() -> dict:
     ones = np.random.default_rng(3).uniform(0.8, 1.2, (3, *GRID.shape))
     return {
-        "field": ThermalField(0.51 * ones[0], 3.8e6 * ones[1], 3.6e4 * ones[2]),
+        "field": ThermalField(0.51 * ones[0], 3.8e6 * ones[1], 3.6e4 * ones[2], 1e4),
         "heat": 1.3e7 * SHAPE,
         "initial": 37.0,
         "arterial": 36.5,
         "wall": 0.5,
+        "transfer": 300.0,
+        "heating": 14.0,
+        "cooling": 6.0,
+        "idle_power": 0.1,
     }
 
 
@@ -33,10 +37,8 @@ def history(model):
         GRID,
         initial_temperature=model["initial"],
         arterial_temperature=model["arterial"],
-        time_step=1.0,
-        n_steps=20,
-        heating_duration=14.0,
-        walls=Walls(outer=FixedTemperature(model["wall"])),
+        phases=[Phase(model["heating"], 14), Phase(model["cooling"], 6, model["idle_power"])],
+        walls=Walls(outer=Convective(model["transfer"], model["wall"])),
     )
 
 
