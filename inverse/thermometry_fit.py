@@ -1,14 +1,10 @@
-r"""Fit of a heating and cooling course to the mean temperature of a region, as thermometry gives it.
+"""Fit of a heating and cooling course to the mean temperature of a region, as thermometry gives it.
 
-The model is a Gaussian source of heat, $\exp(-r^2/a^2 - z^2/b^2)$, that is on from `start` for `duration` in a uniform
-medium without perfusion, solved by the package's finite volumes with phases whose lengths are fitted.
-
-What a course can tell. Lengths and diffusivity $\kappa$ enter only as the diffusion time $a^2 / (4 \kappa)$: neither
-the width nor the diffusivity by itself. The mean over a region with Gaussian weight of radius $w$ is the course in the
-middle of a source of $a^2 + w^2$ in place of $a^2$ (likewise along the axis): the region is absorbed by the width.
+The model, and what such a course can tell at all, is in `inverse.thermometry_model`.
 """
 
 import dataclasses
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -16,107 +12,26 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from arfjax import AxisymmetricGrid, InputError, solve_bioheat
-from arfjax.grid import graded_positions
-from arfjax.instruments.thermocouple import Thermocouple
-from arfjax.media import Scalar, ThermalMedium
-from arfjax.numerics.interpolation import interpolation_weights
-from arfjax.thermal.bioheat import Insulated, Phase, TemperatureHistory, Walls, uniform_field
+from arfjax import InputError
 from inverse.datasets.thermometry import ThermometryData
-from inverse.least_squares import MultiStart, multi_start
+from inverse.least_squares import STATUS, Descent, MultiStart, descend
 from inverse.parameters import Interval, LogInterval, Parameter, Positive, constrain, unconstrain
+from inverse.thermometry_model import CONSTANTS, GaussianHeating, temperature_rise
 from inverse.uncertainty import Uncertainty, assess
 
-COURSE_ACCURACY = 2.5e-3
-"""Largest error of `temperature_rise`, relative to its amplitude, for constants within the bounds of the fit."""
 STRONG_CORRELATION = 0.95
 """Correlation of two constants above which a report names the pair."""
 CORRELATED_RESIDUALS = 0.5
 """Correlation of residuals of successive rows above which standard errors are said to be too small."""
 
-_FINEST, _GROWTH, _EXTENT = 0.15, 1.2, 60.0  # of the grid, in radii a
-_PARTS = (1.0 / 24.0, 1.0 / 4.0, 1.0)  # of heating and of cooling, in ever longer steps
-_STEPS = 8  # in each part
 _SHORTEST_TIME, _LONGEST_TIME = 1.0 / 100.0, 100.0  # diffusion time over the span of the data
+_RATIO = 2  # its place among the constants
 _CURVE_POINTS = 401
-_FLATTEST, _LONGEST = 0.25, 400.0  # ratio of diffusion times
-
-
-class GaussianHeating(eqx.Module):
-    """Heating by a Gaussian source and what follows, as five constants.
-
-    Attributes:
-        amplitude: Rise in the middle when the heat is switched off [K].
-        diffusion_time: Squared radius of source and region over four diffusivities, a^2 / (4 kappa) [s].
-        diffusion_time_ratio: Diffusion time along the axis over that across it, b^2 / a^2 [1].
-        start: When the heat is switched on [s].
-        duration: For how long it is on [s].
-    """
-
-    amplitude: Scalar
-    diffusion_time: Scalar
-    diffusion_time_ratio: Scalar
-    start: Scalar
-    duration: Scalar
-
-
-CONSTANTS = (
-    ("amplitude", "K", "$A$"),
-    ("diffusion_time", "s", r"$\tau$"),
-    ("diffusion_time_ratio", "1", r"$\rho$"),
-    ("start", "s", "$t_0$"),
-    ("duration", "s", "$D$"),
-)
-"""Name, unit and label of the constants, in the order of `GaussianHeating`."""
-
-
-def temperature_rise(
-    heating: GaussianHeating, time: Float[Array, " n"] | Float[np.ndarray, " n"]
-) -> Float[Array, " n"]:
-    """Rise in the middle of the source [K] at times [s].
-
-    Accuracy: `COURSE_ACCURACY` of the amplitude, from steps that are short after switching and cells that are small in
-    the middle; between steps by cubics.
-    Differentiability: in every constant and in time, with a jump of slope at the start and at the end of the heat.
-    """
-    grid = _grid()
-    medium = ThermalMedium(0.25 / heating.diffusion_time, 1.0, 0.0)  # lengths in radii, a unit heat capacity
-    heat = jnp.exp(-jnp.asarray(grid.r**2)[:, None] - jnp.asarray(grid.z**2)[None, :] / heating.diffusion_time_ratio)
-    time = jnp.asarray(time)
-    span = jnp.max(time) - jnp.min(time)
-    history = solve_bioheat(
-        uniform_field(medium, grid),
-        heat,
-        grid,
-        phases=_phases(heating.duration, 1.0) + _phases(span, 0.0),
-        initial_temperature=0.0,
-        arterial_temperature=0.0,
-        walls=Walls(near=Insulated()),  # the plane of symmetry
-    )
-    middle = Thermocouple()(history, grid, z=0.0)
-    return heating.amplitude * _course(history, middle, time - heating.start, heating.duration, span)
-
-
-def _grid() -> AxisymmetricGrid:
-    """One half of the space around the source, in radii a."""
-    faces = graded_positions(0.0, _EXTENT, 0.0, finest=_FINEST, growth=_GROWTH, coarsest=_EXTENT)
-    return AxisymmetricGrid(faces, faces)
-
-
-def _phases(duration: Scalar, power: float) -> list[Phase]:
-    """Parts of a stretch of time, each of the same number of steps."""
-    lengths = np.diff(_PARTS, prepend=0.0)
-    return [Phase(duration=duration * float(length), n_steps=_STEPS, power=power) for length in lengths]
-
-
-def _course(
-    history: TemperatureHistory, middle: Float[Array, " time"], since: Float[Array, " n"], duration: Scalar, span: Array
-) -> Float[Array, " n"]:
-    """The middle's rise over that at switch-off, at times since switch-on."""
-    last = len(_PARTS) * _STEPS
-    hot = interpolation_weights(jnp.clip(since, 0.0, duration), history.time[: last + 1]) @ middle[: last + 1]
-    after = interpolation_weights(jnp.clip(since, duration, duration + span), history.time[last:]) @ middle[last:]
-    return jnp.where(since <= 0.0, 0.0, jnp.where(since < duration, hot, after)) / middle[last]
+_FLATTEST, _LONGEST = 1.0, 400.0  # ratio of diffusion times: a beam's source is longer along the beam than across
+_PROFILE = (1.01, 1.5, 2.5, 5.0, 10.0, 20.0, 40.0, 80.0, 390.0)  # ratios at which the others are fitted again
+_SIGNIFICANT = 3.84  # rise of chi-square that bounds 95 % of one constant
+_HOLD = 1e3  # of the row that holds the ratio
+_MAX_STEPS = 60
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,6 +45,8 @@ class HeatingFit:
         values: The same in the order of `CONSTANTS`.
         uncertainty: Standard errors, correlations and what the data do not fix.
         fitted: Temperature of the fit at all rows [degC].
+        ratio_range: Ratios of diffusion times between which chi-square, with all else fitted again, is within 95 %
+            of its lowest; None where an end of the fit's own range is.
         curve_time: Evenly spaced times from the first row to the last [s].
         curve: Temperature of the fit there [degC].
         used: Rows that were fitted: those that are not occluded.
@@ -149,6 +66,7 @@ class HeatingFit:
     values: Float[np.ndarray, " n"]
     uncertainty: Uncertainty
     fitted: Float[np.ndarray, " rows"]
+    ratio_range: tuple[float | None, float | None]
     curve_time: Float[np.ndarray, " curve"]
     curve: Float[np.ndarray, " curve"]
     used: np.ndarray
@@ -171,7 +89,15 @@ class HeatingFit:
         """Everything that a reader of the numbers has to know."""
         outcome = () if self.converged else (f"The fit did not converge: {self.status}.",)
         unsure = (*self.uncertainty.not_identified.values(), *self.uncertainty.remarks)
-        return (*outcome, *unsure, *_pairs(self.uncertainty), *self._noise())
+        return (*outcome, *unsure, *_pairs(self.uncertainty), self._profile(), *self._noise())
+
+    def _profile(self) -> str:
+        low, high = self.ratio_range
+        below = f"{low:.2g}" if low is not None else f"the lower end of its range ({_FLATTEST:g})"
+        above = f"{high:.2g}" if high is not None else f"the upper end of its range ({_LONGEST:g})"
+        return (
+            f"With all else fitted again, 95 % confidence holds diffusion_time_ratio only between {below} and {above}."
+        )
 
     def _noise(self) -> tuple[str, ...]:
         if abs(self.autocorrelation) < CORRELATED_RESIDUALS:
@@ -183,7 +109,12 @@ class HeatingFit:
 
 
 def fit_heating(
-    data: ThermometryData, *, baseline: float | None = None, seed: int = 0, n_starts: int = 4
+    data: ThermometryData,
+    *,
+    baseline: float | None = None,
+    seed: int = 0,
+    n_starts: int = 4,
+    on_step: Callable[[str], None] = lambda what: None,
 ) -> HeatingFit:
     """Fit `GaussianHeating` to a course of temperature.
 
@@ -195,6 +126,7 @@ def fit_heating(
         baseline: Temperature before heating, from which rises are counted [degC]; that of the first row when None.
         seed: Of the starts but the first, which is read off the data.
         n_starts: Number of starts.
+        on_step: Told in words how far it is.
 
     Raises:
         InputError: if too few rows can be used, or temperature never rises.
@@ -209,10 +141,12 @@ def fit_heating(
     scale = np.ones(len(time)) if data.sd is None else data.sd[used]
     parameters = _parameters(time, rise)
     starts = _starts(parameters, time, rise, n_starts, seed)
-    result = _solve(parameters, starts, time, rise, scale)
+    problem = _Problem(*map(jnp.asarray, (time, rise, scale)), jax.tree.map(jnp.asarray, parameters))
+    result = _best_of(problem, starts, on_step)
     best = jnp.asarray(result.solutions)[result.best]
     curve_time = np.linspace(float(data.time[0]), float(data.time[-1]), _CURVE_POINTS)
-    values, course, jacobian = _course_at(parameters, best, np.concatenate([data.time, curve_time]))
+    values = np.asarray(constrain(parameters, best))
+    jacobian, course = map(np.asarray, _course_at(jnp.asarray(values), np.concatenate([data.time, curve_time])))
     fitted, curve = np.split(baseline + course, [len(data)])
     left = (data.temperature - fitted)[used]
     uncertainty = assess(
@@ -230,6 +164,7 @@ def fit_heating(
         values=values,
         uncertainty=uncertainty,
         fitted=fitted,
+        ratio_range=_ratio_range(problem, best, 1.0 if data.sd is not None else uncertainty.residual_variance, on_step),
         curve_time=curve_time,
         curve=curve,
         used=used,
@@ -297,31 +232,85 @@ def _starts(
     return np.asarray(jax.vmap(lambda row: unconstrain(parameters, row))(values))
 
 
+class _Problem(eqx.Module):
+    """What a residual needs: arrays only, so that every fit of as many rows runs the same compiled program."""
+
+    time: Array
+    rise: Array
+    scale: Array
+    parameters: tuple[Parameter, ...]
+    hold: Array = eqx.field(default_factory=lambda: jnp.asarray(0.0))
+    held_ratio: Array = eqx.field(default_factory=lambda: jnp.asarray(2.0))
+
+
+def _residual(unconstrained: Array, problem: _Problem) -> Array:
+    """Misfit of every row, and a row that holds the ratio where it is to be held."""
+    values = constrain(problem.parameters, unconstrained)
+    misfit = (temperature_rise(GaussianHeating(*values), problem.time) - problem.rise) / problem.scale
+    held = problem.hold * (unconstrained[_RATIO] - problem.parameters[_RATIO].transform.inverse(problem.held_ratio))
+    return jnp.append(misfit, held)
+
+
+def _descend(problem: _Problem, start: Array | np.ndarray, on_step: Callable[[str], None], what: str) -> Descent:
+    def tell(step: int, cost: float) -> None:
+        on_step(f"{what}: step {step}, cost {cost:.4g}")
+
+    return descend(_residual, jnp.asarray(start), problem, rtol=1e-6, atol=1e-6, max_steps=_MAX_STEPS, on_step=tell)
+
+
+def _best_of(problem: _Problem, starts: np.ndarray, on_step: Callable[[str], None]) -> MultiStart:
+    ends = [
+        _descend(problem, start, on_step, f"start {number} of {len(starts)}")
+        for number, start in enumerate(starts, start=1)
+    ]
+    costs = [0.5 * float(jnp.sum(end.residual**2)) for end in ends]
+    return MultiStart(
+        solutions=np.stack([np.asarray(end.solution) for end in ends]),
+        costs=np.nan_to_num(np.asarray(costs), nan=np.inf),
+        status=np.asarray([STATUS.index(end.message) for end in ends]),
+        steps=np.asarray([len(end.costs) for end in ends]),
+    )
+
+
+def _ratio_range(
+    problem: _Problem, best: Array, variance: float, on_step: Callable[[str], None]
+) -> tuple[float | None, float | None]:
+    """Ratios at which chi-square, minimised over the other constants, has risen by `_SIGNIFICANT`."""
+    lowest, logs, rises = float(jnp.sum(_residual(best, problem) ** 2)), [], []
+    middle = float(constrain(problem.parameters, best)[_RATIO])
+    for ratio in _PROFILE:
+        held = eqx.tree_at(lambda p: (p.hold, p.held_ratio), problem, (jnp.asarray(_HOLD), jnp.asarray(ratio)))
+        start = best.at[_RATIO].set(problem.parameters[_RATIO].transform.inverse(ratio))
+        end = _descend(held, start, on_step, f"ratio held at {ratio:g}")
+        logs.append(np.log(ratio))
+        rises.append((float(jnp.sum(end.residual**2)) - lowest) / variance)
+    # Chi-square over the logarithm of the ratio is smooth: its root interpolates well.
+    logs, depth = np.asarray([*logs, np.log(middle)]), np.sqrt(np.maximum([*rises, 0.0], 0.0))
+    order = np.argsort(logs)
+    logs, depth, bound = logs[order], depth[order], np.sqrt(_SIGNIFICANT)
+    place = int(np.flatnonzero(order == len(_PROFILE))[0])
+    return _crossing(logs[place::-1], depth[place::-1], bound), _crossing(logs[place:], depth[place:], bound)
+
+
+def _crossing(logs: np.ndarray, depth: np.ndarray, bound: float) -> float | None:
+    """Where `depth` first passes `bound` going outwards."""
+    beyond = np.flatnonzero(depth > bound)
+    if beyond.size == 0:
+        return None
+    i = int(beyond[0])
+    share = (bound - depth[i - 1]) / (depth[i] - depth[i - 1])
+    return float(np.exp(logs[i - 1] + share * (logs[i] - logs[i - 1])))
+
+
 @eqx.filter_jit
-def _solve(
-    parameters: tuple[Parameter, ...], starts: np.ndarray, time: np.ndarray, rise: np.ndarray, scale: np.ndarray
-) -> MultiStart:
-    def residual(unconstrained: Array, _) -> Array:
-        heating = GaussianHeating(*constrain(parameters, unconstrained))
-        return (temperature_rise(heating, time) - rise) / scale
+def _course_at(values: Array, time: np.ndarray) -> tuple[Array, Array]:
+    """Derivative of the rise in the values of the constants, and the rise, at times."""
 
-    return multi_start(residual, starts, rtol=1e-6, atol=1e-6, max_steps=100)
+    def rise(values: Array) -> tuple[Array, Array]:
+        course = temperature_rise(GaussianHeating(*values), time)
+        return course, course
 
-
-def _course_at(parameters: tuple[Parameter, ...], unconstrained: Array, time: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Values of the constants, the rise at times and its derivative in the values."""
-
-    @jax.jit
-    def both(values: Array) -> tuple[Array, Array]:
-        def rise(values: Array) -> tuple[Array, Array]:
-            course = temperature_rise(GaussianHeating(*values), time)
-            return course, course
-
-        return jax.jacfwd(rise, has_aux=True)(values)
-
-    values = constrain(parameters, unconstrained)
-    jacobian, course = both(values)
-    return np.asarray(values), np.asarray(course), np.asarray(jacobian)
+    return jax.jacfwd(rise, has_aux=True)(values)
 
 
 def _pairs(uncertainty: Uncertainty) -> tuple[str, ...]:

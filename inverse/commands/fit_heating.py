@@ -15,7 +15,8 @@ from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 from inverse.datasets.thermometry import HOTTEST, read_thermometry
 from inverse.figures import heating_figure
-from inverse.thermometry_fit import CONSTANTS, COURSE_ACCURACY, HeatingFit, fit_heating
+from inverse.thermometry_fit import HeatingFit, fit_heating
+from inverse.thermometry_model import CONSTANTS, COURSE_ACCURACY
 
 _HEADER = ("constant", "unit", "estimate", "standard error")
 _MEANING = {
@@ -51,8 +52,9 @@ def fit_heating_command(
         raise InputError(f"`--baseline` must be a temperature from 0 to {HOTTEST:g} degC, got {baseline}.")
     measured = read_thermometry(data, trust_units=trust_units)
     with output_directory(out) as folder:
-        with working(f"fitting {len(measured)} rows from {starts} starts"):
-            fit = fit_heating(measured, baseline=baseline, seed=seed, n_starts=starts)
+        with working("compiling the simulation and its derivatives") as say:
+            fit = fit_heating(measured, baseline=baseline, seed=seed, n_starts=starts, on_step=say)
+            say("figure")
             figures = write_figures(folder, {"heating": heating_figure(fit)})
         _write_parameters(folder / "parameters.csv", fit)
         _dataset(fit).to_netcdf(folder / "fit.nc", engine="h5netcdf")
@@ -137,6 +139,7 @@ def _results(fit: HeatingFit) -> dict[str, object]:
             )
         },
         "correlation": fit.uncertainty.correlation.tolist(),
+        "diffusion_time_ratio_95_percent": {"lower": fit.ratio_range[0], "upper": fit.ratio_range[1], "unit": "1"},
         "not_identified": list(fit.uncertainty.not_identified),
         "baseline": quantity(fit.baseline, "degC"),
         "rms": quantity(fit.rms, "K"),
