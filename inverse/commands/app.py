@@ -7,6 +7,7 @@ import typer
 import arfjax
 from inverse.commands.calibrate import calibrate
 from inverse.commands.fit_dma import fit_dma
+from inverse.commands.fit_heating import fit_heating_command
 from inverse.commands.reproduce import reproduce
 from inverse.commands.simulate import simulate
 from inverse.datasets.shipped import shipped, shipped_names
@@ -21,6 +22,7 @@ app = typer.Typer(
 app.command()(simulate)
 app.command()(calibrate)
 app.command("fit-dma")(fit_dma)
+app.command("fit-heating")(fit_heating_command)
 app.command()(reproduce)
 
 
