@@ -157,7 +157,9 @@ class ThermocoupleSection(_Section):
     axial_offset_mm: Annotated[Number, _between(-5.0, 5.0, "mm", "give millimetres")] = 0.0
     junction_diameter_mm: Annotated[Number, _between(0.0, 3.0, "mm", "give millimetres")] = 0.0
     time_constant_s: Annotated[Number, _between(0.0, 60.0, "s", "is it in milliseconds? Give seconds")] = 0.0
-    viscous_fraction: Annotated[Number, _between(0.0, 10.0, "", "it is a share of the absorbed power, not percent")] = 0.0
+    viscous_fraction: Annotated[Number, _between(0.0, 10.0, "", "it is a share of the absorbed power, not percent")] = (
+        0.0
+    )
     viscous_time_constant_s: Annotated[Number, _between(0.0, 60.0, "s", "give seconds")] = 0.0
 
 
@@ -247,7 +249,6 @@ class Experiment(_Section):
             duration=self.protocol.sonication_s,
             push_duration=1e-3 * self.protocol.push_ms,
         )
-
 
     def sonicated(self) -> Model:
         """The model at the sonication's power."""

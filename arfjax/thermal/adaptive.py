@@ -102,7 +102,7 @@ def solve_adaptively(
         solution.stats["num_accepted_steps"],
         solution.stats["num_rejected_steps"],
         states.error[-1],
-        solution.result == diffrax.RESULTS.successful,
+        (solution.result == diffrax.RESULTS.successful) & jnp.all(jnp.isfinite(states.exposure.rise)),
     )
     tissue_states = states.exposure
     return FeedbackHistory(

@@ -37,7 +37,7 @@ class Effort(eqx.Module):
         n_rejected: Steps that were tried and found too long.
         error: Largest error of a step that counts, as the first stage alone would have made it [K]; the result's own
             is far smaller.
-        converged: Whether the end was reached; if not, what lies beyond the last step is infinite.
+        converged: Whether the end was reached with finite temperatures.
     """
 
     n_steps: Array
@@ -139,7 +139,8 @@ def solve_with_feedback(
 
     _, (states, heat, updated, error) = jax.lax.scan(step, (start, asked), (lengths, powers))
     states = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, states)
-    effort = Effort(jnp.asarray(len(lengths)), jnp.asarray(0), jnp.max(error), jnp.asarray(True))
+    finite = jnp.all(jnp.isfinite(states.rise))
+    effort = Effort(jnp.asarray(len(lengths)), jnp.asarray(0), jnp.max(error), finite)
     return FeedbackHistory(phase_times(phases), initial + states.rise, states.dose, heat, jnp.cumsum(updated), effort)
 
 
