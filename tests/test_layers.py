@@ -26,7 +26,7 @@ MAY_IMPORT = {
     "exact": MATTER - {"tissues", "suomi2016"} | {"exact"},
     "model": MATTER | {"mechanics", "thermal"},
     "protocols": MATTER | PHYSICS | {"model", "protocols", "instruments"},
-    "experiment": MATTER | PHYSICS | {"model", "protocols", "instruments"},
+    "experiment": MATTER | PHYSICS | {"model", "protocols", "instruments", "experiment"},
     "io": MATTER | PHYSICS | {"model", "protocols", "instruments"},
     "figures": MATTER | PHYSICS | {"model", "protocols", "instruments"},
 }

@@ -90,7 +90,7 @@ def sonicate_command(
 
 def run_sonication(model: Model, described: Experiment, settings: Discretisation) -> SonicationResult:
     """The sonication that an experiment file describes."""
-    plan = described.sonication_plan()
+    plan = described.sonication.plan()
     steps = AdaptiveSteps() if described.sonication.steps == "adaptive" else FixedSteps()
     return eqx.filter_jit(lambda model: sonicate(model, plan, settings, steps=steps))(model)
 
@@ -100,7 +100,7 @@ def thermocouple_reading(
 ) -> Any:
     """What the experiment's thermocouple would show [degC]."""
     capacity = settings.thermal_field(model, described.sonication.start_temperature_c).heat_capacity
-    return described.thermocouple()(
+    return described.sonication.thermocouple.instrument()(
         TemperatureHistory(result.time, result.temperature),
         settings.heat_grid,
         z=settings.focus,
@@ -115,7 +115,7 @@ def force_dataset(
     """The field about the focus in the tissue of one output time."""
     r = np.arange(0.0, _SHOWN_RADIUS, _SHOWN_STEP)
     z = settings.focus + np.arange(-_SHOWN_REACH, _SHOWN_REACH, 2.0 * _SHOWN_STEP)
-    plan = described.sonication_plan()
+    plan = described.sonication.plan()
     temperature, dose = result.temperature[index], result.dose[index]
     if described.sonication.field == "frozen":
         temperature, dose = jnp.full_like(temperature, plan.start_temperature), jnp.zeros_like(dose)

@@ -154,7 +154,7 @@ def test_fit_heating(capfd, tmp_path, content):
 def test_experiments(capfd, tmp_path, content):
     experiment, hmi = place(tmp_path / "experiment.toml", content), place(tmp_path / "hmi.csv", HMI)
     commands = (["simulate", experiment], ["calibrate", experiment, "--hmi", hmi])
-    for arguments in (*commands, ["reproduce", "--experiment", experiment]):
+    for arguments in (*commands, ["sonicate", experiment], ["reproduce", "--experiment", experiment]):
         assert_refused(capfd, tmp_path, arguments, names=experiment)
 
 
@@ -245,14 +245,14 @@ def interrupted_output(out):
         yield
 
 
-@pytest.mark.parametrize("command", ["fit_dma", "fit_heating", "simulate", "calibrate", "reproduce"])
+@pytest.mark.parametrize("command", ["fit_dma", "fit_heating", "simulate", "sonicate", "calibrate", "reproduce"])
 def test_an_interrupt_leaves_nothing(capfd, tmp_path, monkeypatch, command):
     monkeypatch.setattr(f"inverse.commands.{command}.output_directory", interrupted_output)
     experiment, dma = place(tmp_path / "experiment.toml", EXAMPLE), place(tmp_path / "dma.csv", DMA)
     hmi = place(tmp_path / "hmi.csv", HMI)
     heating = place(tmp_path / "heating.csv", HEATING)
     inputs = {"fit_dma": [dma], "simulate": [experiment], "calibrate": [experiment, "--hmi", hmi], "reproduce": []}
-    inputs["fit_heating"] = [heating]
+    inputs |= {"fit_heating": [heating], "sonicate": [experiment]}
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "summary.json").write_text("earlier")
     before = tree(tmp_path)
