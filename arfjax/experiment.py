@@ -3,6 +3,7 @@
 Units stand in the names of the keys. Unknown keys are refused, and so are numbers whose size betrays another unit.
 """
 
+import dataclasses
 import difflib
 import math
 import tomllib
@@ -15,10 +16,13 @@ from pydantic import AfterValidator, AllowInfNan, BaseModel, ConfigDict, Field, 
 
 from arfjax import tissues
 from arfjax.errors import InputError
+from arfjax.instruments.thermocouple import Thermocouple
 from arfjax.mechanics.viscoelastic import ShearModulus, YoungModulus
 from arfjax.model import DoseSize, Layer, Lesion, Model, tabulated_size
 from arfjax.protocols.discretisation import RIM_TO_HEAT, RIM_TO_START, relative_wavelengths
+from arfjax.protocols.sonication import Sonication
 from arfjax.protocols.stepwise import StepwiseProtocol
+from arfjax.thermal.bioheat import Phase
 from arfjax.transducer import Drive, FocusedBowl
 
 _EXAMPLE = "examples/suomi2016.toml"
@@ -101,6 +105,8 @@ class LayerSection(_Section):
     tissue: Literal["water", "skin", "fat", "muscle", "liver"]
     thickness_mm: Millimetres
     perfused: Annotated[bool, Strict()] = True
+    coagulation_stops_perfusion: Annotated[bool, Strict()] = False
+    heat_constants: Literal["constant", "warming"] = "constant"
 
 
 class Mechanics(_Section):
@@ -137,6 +143,48 @@ class Protocol(_Section):
         return self
 
 
+class SonicationPhase(_Section):
+    """A stretch of time at one power."""
+
+    duration_s: Annotated[Number, _between(0.01, 3600.0, "s", "is it in milliseconds? Give seconds")]
+    relative_power: Annotated[Number, _between(0.0, 10.0, "", "1 is the sonication's power, 0 lets cool")] = 1.0
+
+
+class ThermocoupleSection(_Section):
+    """A thermocouple at the geometric focus, or what it takes for it."""
+
+    radial_offset_mm: Annotated[Number, _between(0.0, 5.0, "mm", "give millimetres")] = 0.0
+    axial_offset_mm: Annotated[Number, _between(-5.0, 5.0, "mm", "give millimetres")] = 0.0
+    junction_diameter_mm: Annotated[Number, _between(0.0, 3.0, "mm", "give millimetres")] = 0.0
+    time_constant_s: Annotated[Number, _between(0.0, 60.0, "s", "is it in milliseconds? Give seconds")] = 0.0
+    viscous_fraction: Annotated[Number, _between(0.0, 10.0, "", "it is a share of the absorbed power, not percent")] = (
+        0.0
+    )
+    viscous_time_constant_s: Annotated[Number, _between(0.0, 60.0, "s", "give seconds")] = 0.0
+
+
+class SonicationSection(_Section):
+    """One sonication with feedback, as `arfjax sonicate` runs it; without a power that of the transducer."""
+
+    acoustic_power_w: Annotated[Number, _between(1e-3, 1e4, "W", "give watts")] | None = None
+    start_temperature_c: Celsius = 37.0
+    phases: list[SonicationPhase] = Field(
+        default=[SonicationPhase(duration_s=60.0), SonicationPhase(duration_s=60.0, relative_power=0.0)], min_length=1
+    )
+    step_s: Annotated[Number, _between(1e-3, 60.0, "s", "is it in milliseconds? Give seconds")] = 0.5
+    steps: Literal["fixed", "adaptive"] = "fixed"
+    field: Literal["updated", "frozen"] = "updated"
+    field_tolerance_k: Annotated[Number, _between(0.1, 50.0, "K", "give kelvin")] = 2.0
+    thermocouple: ThermocoupleSection = ThermocoupleSection()
+
+    def phase_list(self) -> tuple[Phase, ...]:
+        """The phases, in steps of at most `step_s`."""
+        return tuple(
+            Phase(each.duration_s, max(math.ceil(each.duration_s / self.step_s - 1e-9), 1), each.relative_power)
+            for each in self.phases
+        )
+
+
 class Experiment(_Section):
     """An experiment file as read and checked; `calibration` is left to whoever fits."""
 
@@ -146,6 +194,7 @@ class Experiment(_Section):
     mechanics: Mechanics = Mechanics()
     lesion: LesionSection = LesionSection()
     protocol: Protocol
+    sonication: SonicationSection = SonicationSection()
     calibration: dict[str, Any] = {}
 
     @model_validator(mode="after")
@@ -199,6 +248,30 @@ class Experiment(_Section):
             final_temperature=self.protocol.temperatures_c[-1],
             duration=self.protocol.sonication_s,
             push_duration=1e-3 * self.protocol.push_ms,
+        )
+
+    def sonicated(self) -> Model:
+        """The model at the sonication's power."""
+        model = self.model()
+        power = self.sonication.acoustic_power_w
+        return model if power is None else dataclasses.replace(model, drive=Drive(model.drive.frequency, power))
+
+    def sonication_plan(self) -> Sonication:
+        """The sonication that the file describes."""
+        section = self.sonication
+        tolerance = section.field_tolerance_k if section.field == "updated" else math.inf
+        return Sonication(section.phase_list(), section.start_temperature_c, tolerance)
+
+    def thermocouple(self) -> Thermocouple:
+        """The thermocouple that the file describes."""
+        section = self.sonication.thermocouple
+        return Thermocouple(
+            radial_offset=1e-3 * section.radial_offset_mm,
+            axial_offset=1e-3 * section.axial_offset_mm,
+            junction_diameter=1e-3 * section.junction_diameter_mm,
+            time_constant=section.time_constant_s,
+            viscous_fraction=section.viscous_fraction,
+            viscous_time_constant=section.viscous_time_constant_s,
         )
 
 
@@ -319,4 +392,8 @@ def _known_keys(schema: type[BaseModel], section: str = "") -> Iterator[str]:
 
 def _tissue(section: LayerSection) -> tissues.Tissue:
     tissue = tissues.BY_NAME[section.tissue]()
+    if section.heat_constants == "warming":
+        tissue = tissues.warming(tissue)
+    if section.coagulation_stops_perfusion:
+        tissue = tissues.coagulating(tissue)
     return tissue if section.perfused else tissues.unperfused(tissue)

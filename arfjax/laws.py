@@ -1,4 +1,4 @@
-"""Closures: a property of tissue as a function of temperature.
+"""Closures: a property of tissue as a function of temperature, and of thermal dose where it coagulates.
 
 Every assumption of the simulation about tissue is a law in a named place of the model (`model.liver.attenuation`,
 `model.lesion.viscoelasticity`, ...). A law's parameters are leaves, so that a fit is a choice of leaves and a
@@ -25,6 +25,9 @@ from arfjax.media import FractionalZener, Scalar, Zener
 EVERYWHERE = (-math.inf, math.inf)
 """Valid range of a law that makes no claim about temperature, such as a constant."""
 
+SMALLEST_DAMAGE = 1e-30
+"""Damage below which its logarithm is held, so that no damage has a finite one, in float32 as well."""
+
 Temperature = float | Float[Array, "..."] | Float[np.ndarray, "..."]
 
 
@@ -45,13 +48,27 @@ class TemperatureLaw(eqx.Module):
     def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
         """The property at a temperature [degC], anywhere."""
 
-    def __call__(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
-        """The property at a temperature [degC]; warns where a concrete temperature is outside `valid_range`."""
+    def after(self, temperature: Temperature, dose: Temperature) -> Scalar | Float[Array, "..."]:
+        """The property of tissue that has come to a thermal dose [min]; most laws do not ask for it."""
+        return self.evaluate(temperature)
+
+    def held(self, temperature: Temperature, dose: Temperature) -> Scalar | Float[Array, "..."]:
+        """As `after`, with the temperature held at the ends of `valid_range` beyond them.
+
+        For feedback: a polynomial that is followed beyond its data by heat that it makes itself runs away.
+        """
+        return self.after(jnp.clip(jnp.asarray(temperature, dtype=float), *self.valid_range), dose)
+
+    def __call__(self, temperature: Temperature, dose: Temperature = 0.0) -> Scalar | Float[Array, "..."]:
+        """The property at a temperature [degC] and after a thermal dose [equivalent min at 43 degC].
+
+        Warns where a concrete temperature is outside `valid_range`.
+        """
         if not isinstance(temperature, Tracer):
             message = self.outside_range(temperature)
             if message is not None:
                 warnings.warn(message, ExtrapolationWarning, stacklevel=2)
-        return self.evaluate(temperature)
+        return self.after(temperature, dose)
 
     def outside_range(self, temperature: Temperature) -> str | None:
         """What to tell the caller when a temperature [degC] is outside `valid_range`; None when all are inside."""
@@ -128,6 +145,51 @@ class Tabulated(TemperatureLaw):
     def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
         """Linear interpolation in the table."""
         return jnp.interp(jnp.asarray(temperature, dtype=float), self.temperatures, self.values)
+
+
+class Coagulating(TemperatureLaw):
+    """One law for fresh tissue, another for coagulated tissue, and between them the share that has coagulated.
+
+    Attributes:
+        fresh: Before any dose.
+        coagulated: After a dose far above the threshold.
+        threshold: Dose at which half has changed over [equivalent min at 43 degC].
+        width: Of the transition in the logarithm of dose, see `coagulated_fraction`.
+    """
+
+    fresh: TemperatureLaw
+    coagulated: TemperatureLaw
+    threshold: Scalar
+    width: Scalar
+
+    def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """The property of fresh tissue."""
+        return self.fresh.evaluate(temperature)
+
+    def after(self, temperature: Temperature, dose: Temperature) -> Scalar | Float[Array, "..."]:
+        """The property of tissue of which a share has coagulated."""
+        share = coagulated_fraction(dose, self.threshold, width=self.width)
+        fresh, coagulated = self.fresh.after(temperature, dose), self.coagulated.after(temperature, dose)
+        return fresh + share * (coagulated - fresh)
+
+
+def coagulated_fraction(damage: Temperature, threshold: Scalar, *, width: Scalar) -> Float[Array, "..."]:
+    r"""Smooth closure for the fraction of tissue that has coagulated: $1 / (1 + (threshold / damage)^{1/width})$.
+
+    Args:
+        damage: In any unit, not negative.
+        threshold: Damage at which half has coagulated.
+        width: Of the transition in the logarithm of damage, positive; towards zero it is the sharp threshold. From a
+            tenth to nine tenths, damage grows by the factor 81^width.
+
+    Differentiability: everywhere; at no damage the slope is zero. Finite for all damages up to 1e30, in float32 too.
+    """
+    return jax.nn.sigmoid(log_excess(damage, threshold) / width)
+
+
+def log_excess(damage: Temperature, threshold: Scalar) -> Float[Array, "..."]:
+    """Natural logarithm of damage over threshold, held at the smallest damage."""
+    return jnp.log(jnp.maximum(damage, SMALLEST_DAMAGE)) - jnp.log(threshold)
 
 
 class ZenerLaw(eqx.Module):

@@ -12,10 +12,12 @@ import jax.numpy as jnp
 
 from arfjax import suomi2016
 from arfjax.laws import (
+    Coagulating,
     Constant,
     Exponential,
     Linear,
     NormalisedPolynomial,
+    Tabulated,
     Temperature,
     TemperatureLaw,
     ViscoelasticLaw,
@@ -26,6 +28,9 @@ from arfjax.units import from_db_per_cm
 
 BLOOD_DENSITY = 1050.0  # kg/m^3; value in common use, assumed
 BLOOD_SPECIFIC_HEAT = 3617.0  # J/(kg K); value in common use, assumed
+
+LETHAL_DOSE_MINUTES = 240.0  # the threshold of Suomi et al. 2016
+COAGULATION_WIDTH = 0.25  # a third of the way, 80 to 720 min, from tenth to nine tenths; assumed
 
 _TABLE_1 = f"{suomi2016.PAPER}, table 1"
 _ASSUMED = "value in common use, assumed"
@@ -43,10 +48,11 @@ class Tissue(eqx.Module):
         conductivity: [W/(m K)].
         specific_heat: [J/(kg K)].
         perfusion_rate: Volume of blood per volume of tissue and time [1/s].
+        metabolic_heat: Heat that tissue makes itself [W/m^3].
         viscoelasticity: Zener constants; None for a layer whose motion is not simulated.
     """
 
-    density: Scalar
+    density: TemperatureLaw
     sound_speed: TemperatureLaw
     attenuation: TemperatureLaw
     absorption_exponent: TemperatureLaw
@@ -54,31 +60,33 @@ class Tissue(eqx.Module):
     conductivity: TemperatureLaw
     specific_heat: TemperatureLaw
     perfusion_rate: TemperatureLaw
+    metabolic_heat: TemperatureLaw = Constant(0.0, unit="W/m^3", source="left out, as small beside ultrasound")
     viscoelasticity: ViscoelasticLaw | None = None
 
-    def acoustic(self, temperature: Temperature) -> AcousticMedium:
-        """Acoustic constants at one temperature [degC]."""
+    def acoustic(self, temperature: Temperature, dose: Temperature = 0.0) -> AcousticMedium:
+        """Acoustic constants at a temperature [degC] and after a thermal dose [equivalent min at 43 degC]."""
         return AcousticMedium(
-            density=self.density,
-            sound_speed=self.sound_speed(temperature),
-            attenuation=self.attenuation(temperature),
-            absorption_exponent=self.absorption_exponent(temperature),
+            density=self.density(temperature, dose),
+            sound_speed=self.sound_speed(temperature, dose),
+            attenuation=self.attenuation(temperature, dose),
+            absorption_exponent=self.absorption_exponent(temperature, dose),
             nonlinearity_parameter=self.nonlinearity_parameter,
         )
 
-    def thermal(self, temperature: Temperature) -> ThermalMedium:
-        """Thermal constants at one temperature [degC]."""
+    def thermal(self, temperature: Temperature, dose: Temperature = 0.0) -> ThermalMedium:
+        """Thermal constants at a temperature [degC] and after a thermal dose [equivalent min at 43 degC]."""
         return ThermalMedium(
-            conductivity=self.conductivity(temperature),
-            heat_capacity=self.density * self.specific_heat(temperature),
-            perfusion_conductance=self.perfusion_rate(temperature) * BLOOD_DENSITY * BLOOD_SPECIFIC_HEAT,
+            conductivity=self.conductivity(temperature, dose),
+            heat_capacity=self.density(temperature, dose) * self.specific_heat(temperature, dose),
+            perfusion_conductance=self.perfusion_rate(temperature, dose) * BLOOD_DENSITY * BLOOD_SPECIFIC_HEAT,
+            metabolic_heat=self.metabolic_heat(temperature, dose),
         )
 
 
 def _tissue(name: str, conductivity: float, specific_heat: float, perfusion_kg_per_m3_s: float) -> Tissue:
     row = suomi2016.TABLE_1_ACOUSTIC[name]
     return Tissue(
-        density=row.density,
+        density=Constant(row.density, unit="kg/m^3", source=_TABLE_1),
         sound_speed=Constant(row.sound_speed, unit="m/s", source=_TABLE_1),
         attenuation=Constant(from_db_per_cm(row.attenuation_db_per_cm_mhz), unit="Np/m", source=_TABLE_1),
         absorption_exponent=Constant(row.absorption_exponent, unit="1", source=_TABLE_1),
@@ -169,6 +177,51 @@ def lesion_viscoelasticity() -> ZenerLaw:
 def unperfused(tissue: Tissue) -> Tissue:
     """The same tissue without blood flow, as in a sample."""
     return dataclasses.replace(tissue, perfusion_rate=Constant(0.0, unit="1/s", source="no blood flow"))
+
+
+def coagulating(tissue: Tissue, *, width: float = COAGULATION_WIDTH) -> Tissue:
+    """The same tissue, whose perfusion stops where it coagulates, at a dose of 240 min.
+
+    Args:
+        tissue: Fresh.
+        width: Of the transition in the logarithm of dose. An assumption: vessels are known to close at lethal doses,
+            the number is ours.
+    """
+    stopped = Coagulating(
+        tissue.perfusion_rate,
+        Constant(0.0, unit="1/s", source="no blood flows in coagulated tissue"),
+        LETHAL_DOSE_MINUTES,
+        width,
+        unit="1/s",
+        source=f"{tissue.perfusion_rate.source}; none above the lethal dose",
+    )
+    return dataclasses.replace(tissue, perfusion_rate=stopped)
+
+
+def warming(tissue: Tissue) -> Tissue:
+    """The same tissue with conductivity and specific heat of liver as they were measured from 20 to 90 degC.
+
+    Conductivity is lowest at 35 to 40 degC (0.520 W/(m K)), 9.6 percent above that at 20 degC and 45 percent at 90;
+    specific heat rises by 17 percent from 25 to 83.5 degC. Both stand for other soft tissue only as an assumption.
+    """
+    return dataclasses.replace(
+        tissue,
+        conductivity=Tabulated(
+            jnp.asarray([20.0, 35.0, 40.0, 90.0]),
+            jnp.asarray([0.520 / 0.904, 0.520, 0.520, 1.45 * 0.520]),
+            unit="W/(m K)",
+            source="porcine liver ex vivo, Guntur et al., Ultrasound Med. Biol. (2013), abstract",
+            valid_range=(20.0, 90.0),
+        ),
+        specific_heat=Linear(
+            3411.0,
+            (4187.0 - 3411.0) / (83.5 - 25.0),
+            25.0,
+            unit="J/(kg K)",
+            source="liver, Haemmerich et al. (2006), abstract",
+            valid_range=(25.0, 83.5),
+        ),
+    )
 
 
 BY_NAME = {"water": water, "skin": skin, "fat": fat, "muscle": muscle, "liver": liver}

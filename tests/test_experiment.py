@@ -48,7 +48,7 @@ def test_example_is_the_papers_experiment():
     np.testing.assert_allclose([layer.thickness for layer in model.path], [20.6e-3, 2e-3, 10e-3, 10e-3])
     np.testing.assert_allclose([model.liver_depth, model.liver_thickness], [42.6e-3, 40e-3])
     # Table 1 of the paper.
-    np.testing.assert_allclose([layer.tissue.density for layer in model.layers], [1000, 1090, 950, 1050, 1060])
+    np.testing.assert_allclose([layer.tissue.density(35.0) for layer in model.layers], [1000, 1090, 950, 1050, 1060])
     assert isinstance(model.modulus_reading, YoungModulus) and isinstance(model.lesion.size, DoseSize)
     assert model.poisson_ratio == 0.499
     assert (protocol.start_temperature, protocol.final_temperature, protocol.duration) == (35.0, 70.0, 60.0)

@@ -3,7 +3,7 @@ r"""The march: harmonics of a focused beam, one way along the axis, through flat
 The field at one depth is a Bessel series in r, one for each harmonic. A step of the march is symmetric (Strang):
 
     half a step of diffraction and absorption    in the series: multiply by exp(-i k_z dz / 2)
-    operators in physical space                  at the radial nodes: here the sponge
+    operators in physical space                  at the radial nodes: the sponge, and what varies within the layer
     half a step of diffraction and absorption
 
 At an interface the amplitude is multiplied by the transmission coefficient at normal incidence, 2 Z2 / (Z1 + Z2), and
@@ -21,9 +21,10 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Complex, Float
 
-from arfjax.acoustics.absorption import attenuation, complex_wavenumber
+from arfjax.acoustics.absorption import complex_wavenumber
 from arfjax.acoustics.diffraction import Diffraction, ExactOneWay
 from arfjax.acoustics.source import bowl_pressure
+from arfjax.acoustics.variation import MediumVariation, local_constants, step_factors
 from arfjax.errors import InputError
 from arfjax.media import AcousticMedium, Scalar
 from arfjax.numerics.hankel import HankelBasis, hankel_basis
@@ -86,8 +87,8 @@ class HarmonicField(eqx.Module):
         z: Axial positions from the bowl's apex [m].
         frequency: Of each harmonic [Hz].
         density: Along z [kg/m^3].
-        sound_speed: Along z [m/s].
-        attenuation: Of each harmonic's amplitude, along z [Np/m].
+        sound_speed: Local value [m/s].
+        attenuation: Local value, of each harmonic's amplitude [Np/m].
     """
 
     pressure: Complex[Array, "harmonic r z"]
@@ -95,8 +96,8 @@ class HarmonicField(eqx.Module):
     z: Float[Array, " z"] | Float[np.ndarray, " z"]
     frequency: Float[Array, " harmonic"]
     density: Float[Array, " z"]
-    sound_speed: Float[Array, " z"]
-    attenuation: Float[Array, "harmonic z"]
+    sound_speed: Float[Array, "r z"]
+    attenuation: Float[Array, "harmonic r z"]
 
 
 def solve_field(
@@ -108,10 +109,11 @@ def solve_field(
     z: Float[np.ndarray, " z"],
     diffraction: Diffraction = ExactOneWay(),  # noqa: B008  frozen and without state
     settings: MarchSettings = MarchSettings(),  # noqa: B008
+    variation: MediumVariation | None = None,
 ) -> HarmonicField:
     """Linear field of a bowl in layered media.
 
-    Under `vmap` over one layer's medium, the layers before it are marched once for the whole batch.
+    Under `vmap` over one layer's medium or over variations, the layers before are marched once for the whole batch.
 
     Args:
         bowl: The transducer, in the first layer.
@@ -121,6 +123,8 @@ def solve_field(
         z: Concrete axial positions [m], ascending, from the start plane on; every one is hit exactly.
         diffraction: Which one-way operator.
         settings: Discretisation.
+        variation: How constants vary within the layers; transmission at interfaces and the bowl's field up to the
+            start plane are those of the layers.
 
     Returns:
         The field at `r` and `z`, with the single harmonic of the drive.
@@ -135,27 +139,33 @@ def solve_field(
     """
     _check_positions(layers, r, z, settings)
     _check_bowl(bowl, drive, layers[0].medium, settings)
+    interfaces = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
+    if variation is not None:
+        variation.check([layer.medium for layer in layers], interfaces)
     basis = hankel_basis(settings.n_radial, settings.domain_radius)
     frequency = jnp.asarray(drive.frequency, dtype=float)[None]
     amplitude = _start(bowl, drive, layers[0].medium, frequency, basis, settings)
-    interfaces = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
     owner = _layer_of(z, interfaces)
-    depth, recorded = settings.start_plane, []
+    depth, recorded, constants = settings.start_plane, [], []
     for index in range(owner[-1] + 1):
-        medium = layers[index].medium
+        medium, bounds = layers[index].medium, (float(interfaces[index]), float(interfaces[index + 1]))
         if index > 0:
             amplitude = amplitude * transmission(layers[index - 1].medium, medium)
         wanted = z[owner == index]
-        end = z[-1] if index == owner[-1] else interfaces[index + 1]
+        end = z[-1] if index == owner[-1] else bounds[1]
         positions, hits = _march_positions(depth, end, wanted, settings.axial_step)
         axial_wavenumber = diffraction.axial_wavenumber(
             complex_wavenumber(medium, frequency), _constant(basis.wavenumbers)
         )
-        history = march(amplitude, axial_wavenumber, positions, basis, _sponge(basis, settings))
+        factors = step_factors(variation, medium, bounds, frequency, basis.nodes, positions)
+        history = march(amplitude, axial_wavenumber, positions, basis, _sponge(basis, settings), factors)
         recorded.append(history[hits])
+        constants.append(local_constants(variation, medium, bounds, frequency, r, wanted))
         amplitude, depth = history[-1], end
     pressure = _evaluate(jnp.concatenate(recorded), basis, r)
-    return _field(pressure, r, z, frequency, [layer.medium for layer in layers], owner)
+    sound_speed, attenuation = (jnp.concatenate(parts, axis=-1) for parts in zip(*constants, strict=True))
+    density = jnp.stack([jnp.asarray(layer.medium.density, dtype=float) for layer in layers])
+    return HarmonicField(pressure, r, z, frequency, density[owner], sound_speed, attenuation)
 
 
 def transmission(before: AcousticMedium, after: AcousticMedium) -> Scalar:
@@ -171,20 +181,24 @@ def march(
     positions: Positions,
     basis: HankelBasis,
     physical: PhysicalOperator,
+    factors: Complex[Array, "step harmonic node"] | None = None,
 ) -> Complex[Array, "position harmonic mode"]:
     """Coefficients of the Bessel series at each of the positions [m], the first of which is where `amplitude` is.
 
-    `physical(pressure, step)` acts at the basis' nodes for each step [m], between two halves of diffraction.
+    `physical(pressure, step)` acts at the basis' nodes for each step [m], between two halves of diffraction, together
+    with the step's own `factors`.
     """
     from_series, to_series = _constant(basis.from_series), _constant(basis.to_series)
 
-    def step(amplitude: Array, length: Array) -> tuple[Array, Array]:
+    def step(amplitude: Array, own: tuple[Array, Array | None]) -> tuple[Array, Array]:
+        length, factor = own
         half = jnp.exp(-0.5j * length * axial_wavenumber)
         pressure = _transform(from_series, half * amplitude)
-        amplitude = half * _transform(to_series, physical(pressure, length))
+        pressure = physical(pressure, length)
+        amplitude = half * _transform(to_series, pressure if factor is None else factor * pressure)
         return amplitude, amplitude
 
-    _, history = jax.lax.scan(step, amplitude, _constant(np.diff(positions)))
+    _, history = jax.lax.scan(step, amplitude, (_constant(np.diff(positions)), factors))
     return jnp.concatenate([amplitude[None], history])
 
 
@@ -242,21 +256,6 @@ def _evaluate(
     coefficients: Complex[Array, "z harmonic mode"], basis: HankelBasis, r: Float[np.ndarray, " r"]
 ) -> Complex[Array, "harmonic r z"]:
     return jnp.moveaxis(_transform(_constant(basis.evaluation_matrix(r)), coefficients), 0, 2)
-
-
-def _field(
-    pressure: Complex[Array, "harmonic r z"],
-    r: Float[np.ndarray, " r"],
-    z: Float[np.ndarray, " z"],
-    frequency: Float[Array, " harmonic"],
-    media: Sequence[AcousticMedium],
-    owner: np.ndarray,
-) -> HarmonicField:
-    """The field with the constants of the medium that each position belongs to."""
-    density = jnp.stack([jnp.asarray(medium.density, dtype=float) for medium in media])
-    sound_speed = jnp.stack([jnp.asarray(medium.sound_speed, dtype=float) for medium in media])
-    lost = jnp.stack([attenuation(medium, frequency) for medium in media], axis=1)
-    return HarmonicField(pressure, r, z, frequency, density[owner], sound_speed[owner], lost[:, owner])
 
 
 def _layer_of(z: Float[np.ndarray, " z"], interfaces: Positions) -> np.ndarray:

@@ -8,16 +8,18 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from arfjax.acoustics.one_way import MarchSettings
+from arfjax.acoustics.variation import MediumVariation
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid, graded_positions
 from arfjax.laws import Temperature
 from arfjax.mechanics.mesh import Mesh
-from arfjax.model import Model
+from arfjax.model import Layer, Model
 from arfjax.thermal.bioheat import ThermalField
 
 LIVER_RADIUS = 21e-3  # m; the paper's liver is 42 mm wide
 RIM_TO_START = 3.2e-3  # m; from the bowl's rim to the march's start
 RIM_TO_HEAT = 5e-3  # m; from the bowl's rim to the first heated cell
+_SAME_FACE = 1e-6  # m; an interface as near to a wall as that is the wall
 _HEAT_REACH = 20e-3  # m; heat spreads sqrt(4 D t) = 6 mm in 60 s, so the walls are three times further than it gets
 
 
@@ -47,19 +49,56 @@ class Discretisation(eqx.Module):
     n_heat_steps: int = eqx.field(static=True)
     n_push_steps: int = eqx.field(static=True)
 
-    def thermal_field(self, model: Model, temperature: Temperature) -> ThermalField:
-        """Thermal constants of every cell, all tissue at one temperature [degC]."""
-        media = [layer.tissue.thermal(temperature) for layer in model.layers]
-
-        def on_grid(values: list) -> Float[Array, "r z"]:
-            along_z = jnp.stack([jnp.asarray(value, dtype=float) for value in values])[jnp.asarray(self.layer_of_cell)]
-            return jnp.broadcast_to(along_z[None, :], self.heat_grid.shape)
-
+    def thermal_field(self, model: Model, temperature: Temperature, dose: Temperature = 0.0) -> ThermalField:
+        """Thermal constants of every cell at its temperature [degC] and dose [min], or at one for all."""
+        media = [layer.tissue.thermal(*values) for layer, *values in self._by_layer(model, temperature, dose)]
         return ThermalField(
-            conductivity=on_grid([medium.conductivity for medium in media]),
-            heat_capacity=on_grid([medium.heat_capacity for medium in media]),
-            perfusion_conductance=on_grid([medium.perfusion_conductance for medium in media]),
+            conductivity=self._on_grid([medium.conductivity for medium in media]),
+            heat_capacity=self._on_grid([medium.heat_capacity for medium in media]),
+            perfusion_conductance=self._on_grid([medium.perfusion_conductance for medium in media]),
+            metabolic_heat=self._on_grid([medium.metabolic_heat for medium in media]),
         )
+
+    def acoustic_variation(
+        self, model: Model, temperature: Temperature, dose: Temperature, *, reference: float
+    ) -> MediumVariation:
+        """By how much attenuation and sound speed of every cell depart from those of fresh tissue at `reference`.
+
+        Both are held at the ends of their laws' ranges, and the exponent of attenuation stays that of `reference`.
+
+        Args:
+            model: The model.
+            temperature: Of every cell [degC].
+            dose: Of every cell [equivalent min at 43 degC].
+            reference: Temperature at which the layers themselves are taken [degC].
+        """
+        attenuation, sound_speed = [], []
+        for layer, *values in self._by_layer(model, temperature, dose):
+            for law, changes in ((layer.tissue.attenuation, attenuation), (layer.tissue.sound_speed, sound_speed)):
+                changes.append(law.held(*values) - law.held(reference, 0.0))
+        return MediumVariation(
+            r=self.heat_grid.r,
+            z=self.heat_grid.z,
+            attenuation=self._on_grid(attenuation),
+            sound_speed=self._on_grid(sound_speed),
+        )
+
+    def _by_layer(
+        self, model: Model, temperature: Temperature, dose: Temperature
+    ) -> list[tuple[Layer, Float[Array, "r part"], Float[Array, "r part"]]]:
+        """Each layer that has cells, with their temperature and dose."""
+        shape = self.heat_grid.shape
+        temperature, dose = (jnp.broadcast_to(jnp.asarray(values, float), shape) for values in (temperature, dose))
+        owner = np.asarray(self.layer_of_cell)
+        parts = [(layer, np.flatnonzero(owner == index)) for index, layer in enumerate(model.layers)]
+        return [
+            (layer, temperature[:, columns[0] : columns[-1] + 1], dose[:, columns[0] : columns[-1] + 1])
+            for layer, columns in parts
+            if columns.size
+        ]
+
+    def _on_grid(self, parts: list) -> Float[Array, "r z"]:
+        return jnp.concatenate([jnp.asarray(part, dtype=float) for part in parts], axis=1)
 
 
 def discretise(model: Model, *, refinement: float = 1.0) -> Discretisation:
@@ -129,7 +168,8 @@ def _heat_grid(model: Model, focus: float, refinement: float, beam: float) -> Ax
     stop = min(focus + _HEAT_REACH, model.liver_depth + model.liver_thickness)
     widest = 1.5e-3 / refinement
     z_faces = graded_positions(start, stop, focus, finest=0.4e-3 * beam / refinement, growth=1.1, coarsest=widest)
-    inside = [depth for depth in np.cumsum([layer.thickness for layer in model.path]) if start < depth < stop]
+    depths = np.cumsum([layer.thickness for layer in model.path])
+    inside = [depth for depth in depths if start + _SAME_FACE < depth < stop - _SAME_FACE]
     r_faces = graded_positions(0.0, _HEAT_REACH, 0.0, finest=0.1e-3 * beam / refinement, growth=1.1, coarsest=widest)
     return AxisymmetricGrid(r_faces, _with_faces(z_faces, inside))
 

@@ -161,7 +161,7 @@ def push(
         liver(temperature),
         model.lesion.viscoelasticity(temperature),
         depth,
-        density=model.liver.density,
+        density=model.liver.density(temperature),
         reading=model.modulus_reading,
         poisson_ratio=model.poisson_ratio,
     )

@@ -15,6 +15,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from arfjax.laws import Temperature
+from arfjax.laws import coagulated_fraction as coagulated_fraction
+from arfjax.laws import log_excess as log_excess
 from arfjax.media import Scalar
 from arfjax.units import SECONDS_PER_MINUTE, ZERO_CELSIUS_IN_KELVIN
 
@@ -36,9 +38,6 @@ GAS_CONSTANT = 8.314462618
 
 LOG_BOLTZMANN_OVER_PLANCK = math.log(1.380649e-23 / 6.62607015e-34)
 """ln of k_B / h in 1/(s K), exact in the SI of 2019; as a logarithm, because h is no number of float32."""
-
-SMALLEST_DAMAGE = 1e-30
-"""Damage below which its logarithm is held, so that no damage has a finite one, in float32 as well."""
 
 SERIES_BELOW = 0.1
 """Change of the logarithm of the rate below which its mean comes from a series; ten terms leave less than rounding."""
@@ -182,29 +181,6 @@ def accumulated_damage(
         temperature[:-1], temperature[1:], jnp.diff(jnp.asarray(time))
     )
     return jnp.concatenate([jnp.zeros_like(increments, shape=(1, *increments.shape[1:])), jnp.cumsum(increments, 0)])
-
-
-def coagulated_fraction(
-    damage: Float[Array, "*shape"] | Float[np.ndarray, "*shape"], threshold: Scalar, *, width: Scalar
-) -> Float[Array, "*shape"]:
-    r"""Smooth closure for the fraction of tissue that has coagulated: $1 / (1 + (threshold / damage)^{1/width})$.
-
-    Args:
-        damage: In any unit, not negative.
-        threshold: Damage at which half has coagulated.
-        width: Of the transition in the logarithm of damage, positive; towards zero it is the sharp threshold. From a
-            tenth to nine tenths, damage grows by the factor 81^width.
-
-    Differentiability: everywhere; at no damage the slope is zero. Finite for all damages up to 1e30, in float32 too.
-    """
-    return jax.nn.sigmoid(log_excess(damage, threshold) / width)
-
-
-def log_excess(
-    damage: Float[Array, "*shape"] | Float[np.ndarray, "*shape"], threshold: Scalar
-) -> Float[Array, "*shape"]:
-    """Natural logarithm of damage over threshold, held at the smallest damage."""
-    return jnp.log(jnp.maximum(damage, SMALLEST_DAMAGE)) - jnp.log(threshold)
 
 
 def _mean_decay(drop: Float[Array, "*space"]) -> Float[Array, "*space"]:

@@ -22,8 +22,8 @@ def plane_wave(amplitude=1e6):
         z=Z,
         frequency=jnp.asarray([1.1e6, 2.2e6]),
         density=jnp.full(Z.shape, DENSITY),
-        sound_speed=jnp.full(Z.shape, SPEED),
-        attenuation=jnp.broadcast_to(jnp.asarray(ALPHA)[:, None], (2, Z.size)),
+        sound_speed=jnp.full((1, Z.size), SPEED),
+        attenuation=jnp.broadcast_to(jnp.asarray(ALPHA)[:, None, None], (2, 1, Z.size)),
     )
 
 

@@ -137,8 +137,8 @@ def test_media_along_z():
     layers = [AcousticLayer(WATER, 0.034), AcousticLayer(LIVER, 0.05)]
     field = solve_field(BOWL, DRIVE, layers, r=AXIS, z=np.array([20e-3, 34e-3, 84e-3]), settings=COARSE)
     np.testing.assert_allclose(field.density, [1000.0, 1060.0, 1060.0])
-    np.testing.assert_allclose(field.sound_speed, [1482.0, 1584.0, 1584.0])
-    np.testing.assert_allclose(field.attenuation, [[0.0, 4.4, 4.4]])
+    np.testing.assert_allclose(field.sound_speed, [[1482.0, 1584.0, 1584.0]])
+    np.testing.assert_allclose(field.attenuation, [[[0.0, 4.4, 4.4]]])
     np.testing.assert_allclose(field.frequency, [1.1e6])
 
 
