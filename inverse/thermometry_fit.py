@@ -96,7 +96,7 @@ class HeatingFit:
         below = f"{low:.2g}" if low is not None else f"the lower end of its range ({_FLATTEST:g})"
         above = f"{high:.2g}" if high is not None else f"the upper end of its range ({_LONGEST:g})"
         return (
-            f"With all else fitted again, 95 % confidence holds diffusion_time_ratio only between {below} and {above}."
+            f"With all else fitted again, the data hold diffusion_time_ratio only between {below} and {above} (95 %)."
         )
 
     def _noise(self) -> tuple[str, ...]:
@@ -141,12 +141,20 @@ def fit_heating(
     scale = np.ones(len(time)) if data.sd is None else data.sd[used]
     parameters = _parameters(time, rise)
     starts = _starts(parameters, time, rise, n_starts, seed)
-    problem = _Problem(*map(jnp.asarray, (time, rise, scale)), jax.tree.map(jnp.asarray, parameters))
+    problem = _Problem(
+        time=jnp.asarray(time),
+        rise=jnp.asarray(rise),
+        scale=jnp.asarray(scale),
+        parameters=jax.tree.map(jnp.asarray, parameters),
+        hold=jnp.asarray(0.0),
+        held_ratio=jnp.asarray(2.0),
+    )
     result = _best_of(problem, starts, on_step)
     best = jnp.asarray(result.solutions)[result.best]
     curve_time = np.linspace(float(data.time[0]), float(data.time[-1]), _CURVE_POINTS)
     values = np.asarray(constrain(parameters, best))
-    jacobian, course = map(np.asarray, _course_at(jnp.asarray(values), np.concatenate([data.time, curve_time])))
+    times = jnp.concatenate([data.time, curve_time])
+    jacobian, course = map(np.asarray, _course_at(jnp.asarray(values), times))
     fitted, curve = np.split(baseline + course, [len(data)])
     left = (data.temperature - fitted)[used]
     uncertainty = assess(
@@ -239,8 +247,8 @@ class _Problem(eqx.Module):
     rise: Array
     scale: Array
     parameters: tuple[Parameter, ...]
-    hold: Array = eqx.field(default_factory=lambda: jnp.asarray(0.0))
-    held_ratio: Array = eqx.field(default_factory=lambda: jnp.asarray(2.0))
+    hold: Array
+    held_ratio: Array
 
 
 def _residual(unconstrained: Array, problem: _Problem) -> Array:
@@ -303,7 +311,7 @@ def _crossing(logs: np.ndarray, depth: np.ndarray, bound: float) -> float | None
 
 
 @eqx.filter_jit
-def _course_at(values: Array, time: np.ndarray) -> tuple[Array, Array]:
+def _course_at(values: Array, time: Array) -> tuple[Array, Array]:
     """Derivative of the rise in the values of the constants, and the rise, at times."""
 
     def rise(values: Array) -> tuple[Array, Array]:

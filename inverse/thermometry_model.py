@@ -102,4 +102,5 @@ def _course(
     last = len(_PARTS) * _STEPS
     hot = interpolation_weights(jnp.clip(since, 0.0, duration), history.time[: last + 1]) @ middle[: last + 1]
     after = interpolation_weights(jnp.clip(since, duration, duration + span), history.time[last:]) @ middle[last:]
-    return jnp.where(since <= 0.0, 0.0, jnp.where(since < duration, hot, after)) / middle[last]
+    course = jnp.asarray(jnp.where(since < duration, hot, after)) / middle[last]
+    return jnp.asarray(jnp.where(since <= 0.0, 0.0, course))

@@ -1,5 +1,7 @@
 """Figure of a heating course: the measurement, the fit, and what is left between them."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -34,12 +36,12 @@ def _draw_course(axes: Axes, fit: HeatingFit) -> None:
             data.time, data.t90, data.t10, color=_SPREAD, alpha=0.22, linewidth=0.0, label="T90 to T10 of the region"
         )
     axes.plot(fit.curve_time, fit.curve, color=_FITTED, linewidth=1.4, label="fit")
-    dot = {"marker": "o", "markersize": 4.0, "linestyle": "none", "color": _MEASURED}
+    dot: dict[str, Any] = {"marker": "o", "markersize": 4.0, "linestyle": "none", "color": _MEASURED}
     if data.sd is not None:
         axes.errorbar(data.time, data.temperature, data.sd, fmt="none", ecolor=_MEASURED, elinewidth=0.8)
     axes.plot(data.time[used], data.temperature[used], label="measured mean", **dot)
     if not np.all(used):
-        hollow = dot | {"markerfacecolor": "white"}
+        hollow: dict[str, Any] = dot | {"markerfacecolor": "white"}
         axes.plot(data.time[~used], data.temperature[~used], label="occluded, not fitted", **hollow)
     _, top = axes.get_ylim()
     start, duration = float(fit.heating.start), float(fit.heating.duration)
