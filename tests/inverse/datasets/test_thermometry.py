@@ -43,10 +43,10 @@ def test_other_headers_and_units(tmp_path, header, cells):
 
 
 def test_optional_columns(tmp_path):
-    text = "t_s,T_avg_C,T10_C,T90_C,temperature_c_sd,occluded,frame\n0,37,37,37,0.1,1,a\n2,38,39,37.5,0.2,No,b\n"
+    text = "t_s,T_avg_C,T10_C,T90_C,temperature_c_sd,occluded,frame\n0,37,37,37.2,0.1,1,a\n2,38,39,37.5,0.2,No,b\n"
     data = read_thermometry(write(tmp_path, text))
     np.testing.assert_array_equal(data.t10, [37.0, 39.0])
-    np.testing.assert_array_equal(data.t90, [37.0, 37.5])
+    np.testing.assert_array_equal(data.t90, [37.2, 37.5])
     np.testing.assert_array_equal(data.sd, [0.1, 0.2])
     np.testing.assert_array_equal(data.occluded, [True, False])
     assert data.ignored == ("frame",)
