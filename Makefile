@@ -40,6 +40,7 @@ format: $(VENV)/.dev
 benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
 	$(BIN)/python -m benchmarks.accuracy --out results/benchmarks/accuracy.json
 	$(BIN)/python -m benchmarks.chain --out results/benchmarks/chain.json
+	$(BIN)/python -m benchmarks.thermal --out results/benchmarks/thermal.json
 
 lock: $(VENV)/.dev  ## newest versions that fit pyproject.toml, for every Python and platform
 	$(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-header \
