@@ -79,7 +79,7 @@ def mechanics() -> dict[str, float]:
 
 
 def sonication() -> dict[str, float]:
-    """The shipped sonication with feedback: updates and steps eight times finer, a grid twice as fine, and no updates."""
+    """The shipped sonication with feedback: against finer updates, steps and grid, and against no updates."""
     described = ax.read_experiment(shipped("suomi2016_experiment"))
     model, plan = described.sonicated(), described.sonication.plan()
 
