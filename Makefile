@@ -12,6 +12,8 @@ demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measure
 	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data pyvisco_polymer) --out results/demo/dma
 	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data nist_foam) --out results/demo/dma_foam
 	$(BIN)/arfjax simulate examples/suomi2016.toml --out results/demo/simulate
+	$(BIN)/arfjax sonicate examples/suomi2016.toml --out results/demo/sonicate
+	$(BIN)/arfjax fit-heating $$($(BIN)/arfjax data mr_hifu_60s) --out results/demo/heating
 	$(BIN)/arfjax calibrate examples/suomi2016.toml --hmi $$($(BIN)/arfjax data suomi2016_hmi) --out results/demo/calibrate
 	$(BIN)/arfjax reproduce --out results/demo/reproduce
 	@echo

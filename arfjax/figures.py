@@ -4,9 +4,12 @@ import numpy as np
 import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
+from arfjax.laws import SMALLEST_DAMAGE
 from arfjax.model import Model
 from arfjax.thermal.dose import LETHAL_DOSE_MINUTES
 
@@ -110,6 +113,95 @@ def draw_displacement(dataset: xr.Dataset) -> Figure:
     pushes.legend(frameon=False, fontsize="x-small")
     tidy(pushes, x="time [ms]", y="displacement [µm]", title="at the geometric focus")
     return figure
+
+
+def draw_temperature_maps(dataset: xr.Dataset, model: Model, times: list[float]) -> Figure:
+    """Temperature at some times [s], with the contour of the lethal dose in white."""
+    figure = new_figure(9.6, 2.2 + 1.9 * (len(times) > 3))
+    columns = min(len(times), 3)
+    charts = figure.subplots(-(-len(times) // columns), columns, sharex=True, sharey=True, squeeze=False)
+    shown = dataset.sel(heating_time=times, method="nearest")
+    temperature = shown["temperature"].to_numpy()
+    levels = np.linspace(np.floor(temperature.min()), np.ceil(temperature.max()), 36)
+    filled = ScalarMappable(Normalize(levels[0], levels[-1]), "inferno")
+    for index, chart in enumerate(charts.flat):
+        if index >= len(times):
+            chart.set_visible(False)
+            continue
+        at = shown.isel(heating_time=index)
+        z, both, values = _mirrored(at, "temperature")
+        chart.contourf(z, both, values, levels, cmap="inferno")
+        _draw_lesion(chart, at, colour="white")
+        _draw_layers(chart, model, colour="0.7")
+        _centre(chart, model)
+        tidy(chart, x="z [mm]", y="r [mm]", title=f"{float(at['heating_time']):g} s")
+        chart.label_outer()
+    figure.colorbar(filled, ax=charts, label="temperature [°C]", ticks=MultipleLocator(5.0))
+    return figure
+
+
+def draw_sonication(dataset: xr.Dataset) -> Figure:
+    """Temperature and dose at the focus, and the lesion's growth."""
+    figure = new_figure(10.0, 3.3)
+    curve, dose, lesion = figure.subplots(1, 3)
+    time = dataset["heating_time"].to_numpy()
+    curve.plot(time, dataset["peak_temperature"], color="0.6", label="anywhere")
+    curve.plot(time, dataset["focal_temperature"], color=COLOURS[1], label="at the focus")
+    curve.plot(time, dataset["thermocouple_temperature"], "--", color=COLOURS[0], label="thermocouple")
+    for at in time[1:][np.diff(dataset["field_updates"].to_numpy()) > 0.0]:
+        curve.axvline(at, ymax=0.03, color="0.3", linewidth=0.7)
+    curve.legend(frameon=False, fontsize="small")
+    tidy(curve, x="time [s]", y="temperature [°C]", title="ticks: field computed again")
+    dose.semilogy(time[1:], dataset["focal_dose"][1:], color=COLOURS[1])
+    dose.axhline(LETHAL_DOSE_MINUTES, color="0.6", linewidth=0.8, linestyle="--")
+    dose.set_ylim(bottom=1e-2)
+    tidy(dose, x="time [s]", y="dose [min at 43 °C]", title=f"at the focus; dashed: {LETHAL_DOSE_MINUTES:g} min")
+    lesion.plot(time, 1e3 * dataset["lesion_length"], color=COLOURS[1], label="length [mm]")
+    lesion.plot(time, 1e3 * dataset["lesion_diameter"], color=COLOURS[2], label="diameter [mm]")
+    lesion.plot(time, 1e8 * dataset["lesion_volume"], color=COLOURS[3], label="volume [10 mm³]")
+    lesion.legend(frameon=False, fontsize="small")
+    tidy(lesion, x="time [s]", y="size", title="lesion")
+    return figure
+
+
+def draw_lesion_on_force(field: xr.Dataset, sonication: xr.Dataset, model: Model) -> Figure:
+    """Radiation force in the liver at the end of heating, with the lesion's contour (the paper's figure of both)."""
+    figure = new_figure(6.4, 3.4)
+    chart = figure.subplots()
+    z, both, force = _mirrored(field, "radiation_force_density")
+    image = chart.pcolormesh(z, both, 1e-3 * force, cmap="viridis", shading="gouraud")
+    image.set_rasterized(True)
+    figure.colorbar(image, ax=chart, label="radiation force density [kN/m³]")
+    half = 0.5 * force.max()
+    chart.contour(z, both, force, [half], colors="white", linewidths=1.0, linestyles="--")
+    _draw_lesion(chart, sonication, colour=COLOURS[4])
+    _centre(chart, model)
+    title = f"t = {float(sonication['heating_time']):g} s; dashed: half the force; orange: {LETHAL_DOSE_MINUTES:g} min"
+    tidy(chart, x="axial distance z [mm]", y="r [mm]", title=title)
+    return figure
+
+
+def _mirrored(dataset: xr.Dataset, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Axial and radial positions [mm] and values of a map, with its mirror image below the axis."""
+    radial, axial = (str(dimension) for dimension in dataset[name].dims)
+    r, z = 1e3 * dataset[radial].to_numpy(), 1e3 * dataset[axial].to_numpy()
+    values = dataset[name].to_numpy()
+    first = 1 if r[0] == 0.0 else 0  # the axis itself has no mirror image
+    return z, np.concatenate([-r[first:][::-1], r]), np.concatenate([values[first:][::-1], values])
+
+
+def _draw_lesion(axes: Axes, dataset: xr.Dataset, *, colour: str) -> None:
+    z, both, dose = _mirrored(dataset, "thermal_dose")
+    level = np.log(np.maximum(dose, SMALLEST_DAMAGE) / LETHAL_DOSE_MINUTES)
+    if level.max() > 0.0:
+        axes.contour(z, both, level, [0.0], colors=colour, linewidths=1.3)
+
+
+def _centre(axes: Axes, model: Model) -> None:
+    focus = 1e3 * float(model.bowl.focal_length)
+    axes.set_xlim(focus - 12.0, focus + 12.0)
+    axes.set_ylim(-6.0, 6.0)
+    axes.set_aspect("equal")
 
 
 def _draw_layers(axes: Axes, model: Model, *, colour: str) -> None:

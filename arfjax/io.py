@@ -2,13 +2,18 @@
 
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
+from jaxtyping import Array, Float
 
 from arfjax.acoustics.intensity import heat_deposition, intensity, radiation_force_density
 from arfjax.acoustics.one_way import HarmonicField
 from arfjax.grid import AxisymmetricGrid
+from arfjax.laws import SMALLEST_DAMAGE
+from arfjax.protocols.sonication import SonicationResult
 from arfjax.protocols.stepwise import Heating, StepwiseProtocol, StepwiseResult
+from arfjax.thermal.bioheat import TemperatureHistory, focal_temperature
 
 VARIABLES = {
     "pressure_amplitude": ("Pa", "peak amplitude of the pressure of each harmonic"),
@@ -18,8 +23,14 @@ VARIABLES = {
     "heat_deposition": ("W m-3", "absorbed power density, all harmonics"),
     "radiation_force_density": ("N m-3", "radiation force density along the axis, all harmonics"),
     "focal_temperature": ("degC", "temperature at the geometric focus"),
-    "temperature": ("degC", "tissue temperature at the end of the sonication"),
-    "thermal_dose": ("min", "cumulative equivalent minutes at 43 degC at the end of the sonication"),
+    "temperature": ("degC", "tissue temperature, at the end of the sonication where there is no time"),
+    "thermal_dose": ("min", "cumulative equivalent minutes at 43 degC, at the end where there is no time"),
+    "arrhenius_damage": ("1", "Arrhenius damage of liver; 1 leaves exp(-1) of the tissue as it was"),
+    "thermocouple_temperature": ("degC", "what a thermocouple at the geometric focus would show"),
+    "peak_temperature": ("degC", "highest tissue temperature anywhere"),
+    "focal_dose": ("min", "cumulative equivalent minutes at 43 degC at the geometric focus"),
+    "lesion_volume": ("m3", "volume of the lesion"),
+    "field_updates": ("1", "how often the sound field had been computed again"),
     "focal_displacement": ("m", "displacement at the geometric focus during the push"),
     "displacement": ("m", "displacement at the geometric focus at the end of the push"),
     "displacement_percent": ("percent", "displacement normalised to the reference temperature"),
@@ -94,6 +105,29 @@ def heating_dataset(heating: Heating, grid: AxisymmetricGrid) -> xr.Dataset:
     return dataset
 
 
+def sonication_dataset(
+    result: SonicationResult, grid: AxisymmetricGrid, focus: float, thermocouple: Float[Array, " time"]
+) -> xr.Dataset:
+    """Course of a sonication with feedback: maps at every output time, curves at the focus [m], the lesion's growth."""
+    by_time, maps = ("heating_time",), ("heating_time", "heat_r", "heat_z")
+    dose = TemperatureHistory(result.time, jnp.log(jnp.maximum(result.dose, SMALLEST_DAMAGE)))
+    variables = {
+        "focal_temperature": (by_time, result.focal_temperature),
+        "thermocouple_temperature": (by_time, thermocouple),
+        "peak_temperature": (by_time, jnp.max(result.temperature, axis=(1, 2))),
+        "focal_dose": (by_time, jnp.exp(focal_temperature(dose, grid, focus))),
+        "temperature": (maps, result.temperature),
+        "thermal_dose": (maps, result.dose),
+        "arrhenius_damage": (maps, result.damage),
+        "lesion_length": (by_time, result.lesion.length),
+        "lesion_diameter": (by_time, result.lesion.diameter),
+        "lesion_volume": (by_time, result.lesion.volume),
+        "field_updates": (by_time, jnp.concatenate([jnp.zeros(1), result.field_updates])),
+    }
+    arrays = {name: (dimensions, np.asarray(values)) for name, (dimensions, values) in variables.items()}
+    return labelled(arrays, {"heating_time": np.asarray(result.time), "heat_r": grid.r, "heat_z": grid.z})
+
+
 def stepwise_dataset(result: StepwiseResult, protocol: StepwiseProtocol, reference_temperature: float) -> xr.Dataset:
     """Displacement and lesion of every step; the reference temperature [degC] must be one of the steps'."""
     temperature = np.asarray(result.temperature)
@@ -101,6 +135,12 @@ def stepwise_dataset(result: StepwiseResult, protocol: StepwiseProtocol, referen
     reference = displacement[int(np.argmin(np.abs(temperature - reference_temperature)))]
     history = np.asarray(result.displacement_history)
     variables = {
+        "arrhenius_damage": ("1", "Arrhenius damage of liver; 1 leaves exp(-1) of the tissue as it was"),
+        "thermocouple_temperature": ("degC", "what a thermocouple at the geometric focus would show"),
+        "peak_temperature": ("degC", "highest tissue temperature anywhere"),
+        "focal_dose": ("min", "cumulative equivalent minutes at 43 degC at the geometric focus"),
+        "lesion_volume": ("m3", "volume of the lesion"),
+        "field_updates": ("1", "how often the sound field had been computed again"),
         "focal_displacement": (("step_temperature", "push_time"), history),
         "displacement": (("step_temperature",), displacement),
         "displacement_percent": (("step_temperature",), 100.0 * displacement / reference),

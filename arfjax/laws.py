@@ -52,6 +52,13 @@ class TemperatureLaw(eqx.Module):
         """The property of tissue that has come to a thermal dose [min]; most laws do not ask for it."""
         return self.evaluate(temperature)
 
+    def held(self, temperature: Temperature, dose: Temperature) -> Scalar | Float[Array, "..."]:
+        """As `after`, with the temperature held at the ends of `valid_range` beyond them.
+
+        For feedback: a polynomial that is followed beyond its data by heat that it makes itself runs away.
+        """
+        return self.after(jnp.clip(jnp.asarray(temperature, dtype=float), *self.valid_range), dose)
+
     def __call__(self, temperature: Temperature, dose: Temperature = 0.0) -> Scalar | Float[Array, "..."]:
         """The property at a temperature [degC] and after a thermal dose [equivalent min at 43 degC].
 

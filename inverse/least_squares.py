@@ -180,12 +180,17 @@ def descend(
     return Descent(
         solution=point,
         residual=state.f_info.residual,
-        jacobian=eqx.filter_jit(lambda operator: operator.as_matrix())(state.f_info.jac),
+        jacobian=_as_matrix(state.f_info.jac),
         first_residual=first,
         costs=tuple(costs),
         converged=status == 0,
         message=STATUS[status],
     )
+
+
+@eqx.filter_jit
+def _as_matrix(operator):
+    return operator.as_matrix()
 
 
 def _with_no_auxiliary(residual):

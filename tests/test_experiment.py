@@ -77,6 +77,30 @@ def test_choices_and_defaults(tmp_path):
     assert float(read_experiment(EXAMPLE).model().liver.perfusion_rate(37.0)) > 0.0
 
 
+def test_the_sonication_of_the_example_and_its_choices(tmp_path):
+    described = read_experiment(EXAMPLE)
+    plan, model = described.sonication.plan(), described.sonicated()
+    assert [(phase.duration, phase.n_steps, phase.power) for phase in plan.phases] == [
+        (60.0, 120, 1.0),
+        (60.0, 120, 0.0),
+    ]
+    assert (plan.start_temperature, plan.field_tolerance, model.drive.acoustic_power) == (37.0, 2.0, 13.0)
+    assert described.model().drive.acoustic_power == 50.0
+    thermocouple = described.sonication.thermocouple.instrument()
+    np.testing.assert_allclose([thermocouple.radial_offset, thermocouple.junction_diameter], [0.3e-3, 0.25e-3])
+    text = changed(
+        ("acoustic_power_w = 13.0\n", ""),
+        ('field = "updated"', 'field = "frozen"'),
+        ("step_s = 0.5", "step_s = 0.7"),
+        ("thickness_mm = 40.0", 'thickness_mm = 40\nheat_constants = "warming"\ncoagulation_stops_perfusion = true'),
+    )
+    described = read_experiment(write(tmp_path, text))
+    plan, model = described.sonication.plan(), described.sonicated()
+    assert (plan.field_tolerance, model.drive.acoustic_power, plan.phases[0].n_steps) == (np.inf, 50.0, 86)
+    assert float(model.liver.perfusion_rate(37.0)) > 0.0 and float(model.liver.perfusion_rate(37.0, 1e6)) < 1e-10
+    assert float(model.liver.conductivity(90.0)) > 1.4 * float(model.liver.conductivity(37.0))
+
+
 UNKNOWN = {
     "top": (("title", "titel"), "unknown key `titel`; did you mean `title`?"),
     "section": (("[mechanics]", "[mechanic]"), "unknown key `mechanic`; did you mean `mechanics`?"),
@@ -215,6 +239,24 @@ WRONG = {
         ("normalised_at_c = 35.0", "normalised_at_c = 34.0"),
         "`protocol`: normalised_at_c 34 must lie in the range of temperatures_c, 35 to 70",
     ),
+    "phase in milliseconds": (
+        ("{ duration_s = 60.0 }", "{ duration_s = 60000.0 }"),
+        "`sonication.phases.duration_s` (entry 1): expected 0.01 to 3600 s, got 60000; is it in milliseconds?",
+    ),
+    "no phases": (
+        ("phases = [{ duration_s = 60.0 }, { duration_s = 60.0, relative_power = 0.0 }]", "phases = []"),
+        "`sonication.phases`: expected at least 1 values, got []",
+    ),
+    "negative power": (("relative_power = 0.0", "relative_power = -1.0"), "expected 0 to 10, got -1"),
+    "too many steps": (
+        ("step_s = 0.5", "step_s = 0.01"),
+        "`sonication`: 12000 steps of step_s 0.01 are too many to keep; up to 5000",
+    ),
+    "percent for a share": (
+        ("time_constant_s = 0.2", "viscous_fraction = 81.0"),
+        "`sonication.thermocouple.viscous_fraction`: expected 0 to 10, got 81",
+    ),
+    "metres for millimetres": (("radial_offset_mm = 0.3", "radial_offset_mm = 300.0"), "got 300; give millimetres"),
     "hole as wide as the bowl": (
         ("inner_diameter_mm = 20.0", "inner_diameter_mm = 64.0"),
         "`transducer`: the hole (inner_diameter_mm 64) must be smaller than the bowl",

@@ -22,12 +22,13 @@ MAY_IMPORT = {
     "acoustics": MATTER - {"tissues", "suomi2016"} | {"acoustics"},
     "thermal": MATTER - {"tissues", "suomi2016", "transducer"} | {"thermal"},
     "mechanics": MATTER - {"tissues", "suomi2016", "transducer"} | {"mechanics"},
+    "instruments": MATTER - {"tissues", "suomi2016"} | {"thermal", "instruments"},
     "exact": MATTER - {"tissues", "suomi2016"} | {"exact"},
     "model": MATTER | {"mechanics", "thermal"},
-    "protocols": MATTER | PHYSICS | {"model", "protocols"},
-    "experiment": MATTER | PHYSICS | {"model", "protocols"},
-    "io": MATTER | PHYSICS | {"model", "protocols"},
-    "figures": MATTER | PHYSICS | {"model", "protocols"},
+    "protocols": MATTER | PHYSICS | {"model", "protocols", "instruments"},
+    "experiment": MATTER | PHYSICS | {"model", "protocols", "instruments", "experiment"},
+    "io": MATTER | PHYSICS | {"model", "protocols", "instruments"},
+    "figures": MATTER | PHYSICS | {"model", "protocols", "instruments"},
 }
 """Modules of arfjax (first name below the package) and those that they may import."""
 

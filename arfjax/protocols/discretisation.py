@@ -64,22 +64,23 @@ class Discretisation(eqx.Module):
     ) -> MediumVariation:
         """By how much attenuation and sound speed of every cell depart from those of fresh tissue at `reference`.
 
+        Both are held at the ends of their laws' ranges, and the exponent of attenuation stays that of `reference`.
+
         Args:
             model: The model.
             temperature: Of every cell [degC].
             dose: Of every cell [equivalent min at 43 degC].
             reference: Temperature at which the layers themselves are taken [degC].
         """
-        heated, fresh = [], []
+        attenuation, sound_speed = [], []
         for layer, *values in self._by_layer(model, temperature, dose):
-            heated.append(layer.tissue.acoustic(*values))
-            fresh.append(layer.tissue.acoustic(reference))
-        pairs = list(zip(heated, fresh, strict=True))
+            for law, changes in ((layer.tissue.attenuation, attenuation), (layer.tissue.sound_speed, sound_speed)):
+                changes.append(law.held(*values) - law.held(reference, 0.0))
         return MediumVariation(
             r=self.heat_grid.r,
             z=self.heat_grid.z,
-            attenuation=self._on_grid([now.attenuation - then.attenuation for now, then in pairs]),
-            sound_speed=self._on_grid([now.sound_speed - then.sound_speed for now, then in pairs]),
+            attenuation=self._on_grid(attenuation),
+            sound_speed=self._on_grid(sound_speed),
         )
 
     def _by_layer(

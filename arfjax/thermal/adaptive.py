@@ -5,7 +5,7 @@ hits every output time and every switch of the power exactly.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
 import diffrax
@@ -22,12 +22,10 @@ from arfjax.thermal.conduction import Walls, cell_geometry
 from arfjax.thermal.feedback import (
     FROZEN,
     Asked,
+    Asking,
     Effort,
     FeedbackHistory,
     HeatSource,
-    ask_again,
-    asking,
-    movement,
     step_powers,
 )
 from arfjax.thermal.splitting import Cells
@@ -78,7 +76,7 @@ def solve_adaptively(
     initial = jnp.asarray(initial_temperature, dtype=float)
     tissue = Tissue(properties, cell_geometry(grid), Walls() if walls is None else walls, initial, arterial_temperature)
     times = phase_times(phases)
-    solver = _Stepper(tissue, asking(source, initial), tolerance)
+    solver = _Stepper(tissue, Asking(source, initial, tolerance))
     nothing = Exposure(jnp.zeros(grid.shape), jnp.zeros(grid.shape))
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(_nothing),
@@ -102,7 +100,7 @@ def solve_adaptively(
         solution.stats["num_accepted_steps"],
         solution.stats["num_rejected_steps"],
         states.error[-1],
-        solution.result == diffrax.RESULTS.successful,
+        (solution.result == diffrax.RESULTS.successful) & jnp.all(jnp.isfinite(states.exposure.rise)),
     )
     tissue_states = states.exposure
     return FeedbackHistory(
@@ -123,8 +121,7 @@ class _Stepper(diffrax.AbstractSolver):
     """The step of `Tissue` as diffrax wants it; what it carries from step to step is the source's last answer."""
 
     tissue: Tissue
-    ask: Callable[[Exposure], Asked]
-    tolerance: float = eqx.field(static=True)
+    asking: Asking
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
 
@@ -134,7 +131,7 @@ class _Stepper(diffrax.AbstractSolver):
 
     def init(self, terms: Any, t0: Any, t1: Any, y0: _State, args: Any) -> Asked:
         """Ask the source for the first time."""
-        return self.ask(y0.exposure)
+        return self.asking.first(y0.exposure)
 
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: _State, args: Any, solver_state: Asked, made_jump: Any
@@ -143,8 +140,7 @@ class _Stepper(diffrax.AbstractSolver):
         state = y0.exposure
         times, powers = args
         power = powers[jnp.clip(jnp.searchsorted(times, 0.5 * (t0 + t1)) - 1, 0, len(powers) - 1)]
-        moved = (power > 0.0) & (movement(state, solver_state) > self.tolerance)
-        asked = ask_again(self.ask, moved, state, solver_state, self.tolerance)
+        asked, moved = self.asking.again(state, solver_state, power)
         heat = power * asked.heat
         after, error = self.tissue.step(state, heat, t1 - t0)
         largest = jax.lax.stop_gradient(jnp.max(jnp.abs(error)))

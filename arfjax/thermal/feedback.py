@@ -3,6 +3,9 @@
 The heat comes from a function of temperature and dose (a sound field, which this file knows nothing of). It is asked
 again whenever any cell's temperature has moved by more than a tolerance since it was last asked; without a tolerance
 once, at the start: the frozen field.
+
+An answer serves while temperature moves on by about as much again. So the source is not asked for the temperature as
+it is, but for where it will be half way: every cell half as far ahead as it has come since the last time.
 """
 
 import functools
@@ -41,7 +44,7 @@ class Effort(eqx.Module):
         n_rejected: Steps that were tried and found too long.
         error: Largest error of a step that counts, as the first stage alone would have made it [K]; the result's own
             is far smaller.
-        converged: Whether the end was reached; if not, what lies beyond the last step is infinite.
+        converged: Whether the end was reached with finite temperatures.
     """
 
     n_steps: Array
@@ -71,7 +74,7 @@ class FeedbackHistory(eqx.Module):
 
 
 class Asked(eqx.Module):
-    """What the source last answered, and to which temperature.
+    """What the source last answered, and what the tissue was like then.
 
     Attributes:
         heat: [W/m^3] at full power.
@@ -111,8 +114,9 @@ def solve_with_feedback(
     Raises:
         InputError: if there is no phase, or the tolerance is not positive.
 
-    Accuracy: second order in the time step for smooth constants and a frozen source. A source that follows is up to
-    `tolerance` late, an error proportional to it.
+    Accuracy: second order in the time step for smooth constants and a frozen source. What a source that follows lags
+    behind falls faster than in proportion to `tolerance` while the tissue heats steadily, as long as the steps are
+    short beside the time between updates; after a turn from cooling to heating in proportion to it.
     Differentiability: forward and reverse in all that `properties` and `source` hold, in the phases, temperatures and
     walls; the steps at which the source is asked again count as given. Each step is computed again for the reverse
     mode, so that memory is that of the temperatures.
@@ -127,8 +131,7 @@ def solve_with_feedback(
     tissue = Tissue(properties, cell_geometry(grid), Walls() if walls is None else walls, initial, arterial_temperature)
     lengths, powers = step_lengths(phases), step_powers(phases)
     start = Exposure(jnp.zeros(grid.shape), jnp.zeros(grid.shape))
-    ask = asking(source, initial)
-    asked = ask(start)
+    asking = Asking(source, initial, tolerance)
 
     # Each step is computed again on the way back: its many intermediate results are not worth their memory. What the
     # source answered is kept, so that the source, which recomputes its own intermediate results, is not asked thrice.
@@ -136,33 +139,43 @@ def solve_with_feedback(
     def step(carry: tuple[Exposure, Asked], given: tuple[Array, Array]) -> tuple[tuple[Exposure, Asked], tuple]:
         state, asked = carry
         length, power = given
-        moved = (power > 0.0) & (movement(state, asked) > tolerance)
-        asked = checkpoint_name(ask_again(ask, moved, state, asked, tolerance), _ANSWER)
+        asked, moved = asking.again(state, asked, power)
+        asked = checkpoint_name(asked, _ANSWER)
         heat = power * asked.heat
         after, error = tissue.step(state, heat, length)
         return (after, asked), (after, heat, moved, jnp.max(jnp.abs(error)))
 
-    _, (states, heat, updated, error) = jax.lax.scan(step, (start, asked), (lengths, powers))
+    _, (states, heat, updated, error) = jax.lax.scan(step, (start, asking.first(start)), (lengths, powers))
     states = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, states)
-    effort = Effort(jnp.asarray(len(lengths)), jnp.asarray(0), jnp.max(error), jnp.asarray(True))
+    finite = jnp.all(jnp.isfinite(states.rise))
+    effort = Effort(jnp.asarray(len(lengths)), jnp.asarray(0), jnp.max(error), finite)
     return FeedbackHistory(phase_times(phases), initial + states.rise, states.dose, heat, jnp.cumsum(updated), effort)
 
 
-def asking(source: HeatSource, initial_temperature: Float[Array, ""]) -> Callable[[Exposure], Asked]:
-    """What asks the source; its own intermediate results are computed again in reverse mode."""
-    heat = jax.checkpoint(source)
+class Asking(eqx.Module):
+    """Asks the source; its own intermediate results are computed again in reverse mode."""
 
-    def ask(state: Exposure) -> Asked:
-        return Asked(heat(initial_temperature + state.rise, state.dose), state.rise, state.dose)
+    source: HeatSource
+    initial_temperature: Float[Array, ""]
+    tolerance: float = eqx.field(static=True)
 
-    return ask
+    def first(self, state: Exposure) -> Asked:
+        """The answer for the tissue as it is."""
+        heat = jax.checkpoint(self.source)(self.initial_temperature + state.rise, state.dose)
+        return Asked(heat, state.rise, state.dose)
 
+    def again(self, state: Exposure, asked: Asked, power: Scalar) -> tuple[Asked, Array]:
+        """The answer that serves from here on, and whether it is a new one: only where the tissue has moved."""
+        moved = (power > 0.0) & (movement(state, asked) > self.tolerance)
+        if self.tolerance == FROZEN:
+            return asked, moved  # spares compiling the source once more
 
-def ask_again(ask: Callable[[Exposure], Asked], moved: Array, state: Exposure, asked: Asked, tolerance: float) -> Asked:
-    """The source's answer for `state` where the tissue has moved, else the last one."""
-    if tolerance == FROZEN:
-        return asked  # spares compiling the source once more
-    return jax.lax.cond(moved, lambda: ask(state), lambda: asked)
+        def ahead() -> Asked:
+            reach = jnp.clip(0.5 * (state.rise - asked.rise), -0.5 * self.tolerance, 0.5 * self.tolerance)
+            answer = self.first(Exposure(state.rise + reach, state.dose))
+            return Asked(answer.heat, state.rise, state.dose)
+
+        return jax.lax.cond(moved, ahead, lambda: asked), moved
 
 
 def movement(state: Exposure, asked: Asked) -> Float[Array, ""]:

@@ -69,7 +69,7 @@ def lesion_size(
     """
     level = _level(dose, grid, threshold)
     axis, positions = _whole_axis(level, grid)
-    measure = np.diff(positions) * _fraction_above(axis[:-1], axis[1:])
+    measure = jnp.asarray(np.diff(positions)) * _fraction_above(axis[:-1], axis[1:])
     middle = jnp.where(
         axis[:-1] >= axis[1:], positions[:-1] + 0.5 * measure, positions[1:] - 0.5 * measure
     )  # of the part at the higher end of each interval
@@ -111,7 +111,7 @@ def smoothed_lesion_size(
     """
     level = _level(damage, grid, threshold) / width
     axis, positions = _whole_axis(level, grid)
-    measure = np.diff(positions) * _mean_logistic(axis[:-1], axis[1:])
+    measure = jnp.asarray(np.diff(positions)) * _mean_logistic(axis[:-1], axis[1:])
     diameter, volume = _across(level, grid, _mean_logistic)
     middle = jnp.asarray(0.5 * (positions[:-1] + positions[1:]))
     return LesionSize(jnp.sum(measure), diameter, volume, _centre(measure, middle, axis, positions))

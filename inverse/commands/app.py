@@ -7,8 +7,10 @@ import typer
 import arfjax
 from inverse.commands.calibrate import calibrate
 from inverse.commands.fit_dma import fit_dma
+from inverse.commands.fit_heating import fit_heating_command
 from inverse.commands.reproduce import reproduce
 from inverse.commands.simulate import simulate
+from inverse.commands.sonicate import sonicate_command
 from inverse.datasets.shipped import shipped, shipped_names
 
 app = typer.Typer(
@@ -19,8 +21,10 @@ app = typer.Typer(
     help="Simulation and calibration of radiation-force displacement in tissue heated by focused ultrasound.",
 )
 app.command()(simulate)
+app.command("sonicate")(sonicate_command)
 app.command()(calibrate)
 app.command("fit-dma")(fit_dma)
+app.command("fit-heating")(fit_heating_command)
 app.command()(reproduce)
 
 

@@ -8,6 +8,7 @@ from arfjax import InputError
 _FILES = {
     "pyvisco_polymer": "freq_user_raw.csv",
     "nist_foam": "vn01_foam_10_rad_s.csv",
+    "mr_hifu_60s": "heating_60s_200w.csv",
     "suomi2016_hmi": "hmi.csv",
     "suomi2016_experiment": "experiment.toml",
 }

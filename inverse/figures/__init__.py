@@ -2,6 +2,7 @@
 
 from inverse.figures.calibration import draw_calibration as draw_calibration
 from inverse.figures.dma import dma_figure as dma_figure
+from inverse.figures.heating import heating_figure as heating_figure
 from inverse.figures.paper import draw_attenuation as draw_attenuation
 from inverse.figures.paper import draw_displacements as draw_displacements
 from inverse.figures.paper import draw_paper_moduli as draw_paper_moduli

@@ -7,7 +7,7 @@ import pytest
 from arfjax.exact.heated_sphere import heated_sphere_rise
 from arfjax.grid import AxisymmetricGrid
 from arfjax.media import ThermalMedium
-from arfjax.thermal.bioheat import solve_bioheat, uniform_field
+from arfjax.thermal.bioheat import Phase, solve_bioheat, uniform_field
 from tests.checks import assert_order
 
 RADIUS, HEAT = 2e-3, 1e7
@@ -32,18 +32,17 @@ def part_inside(grid: AxisymmetricGrid, n: int = 64) -> np.ndarray:
 
 def rises(medium: ThermalMedium, grid: AxisymmetricGrid) -> tuple[np.ndarray, np.ndarray]:
     """At the end of heating and after cooling [K]."""
-    n_heated, n_steps = round(HEATED * STEPS_PER_SECOND), round((HEATED + COOLED) * STEPS_PER_SECOND)
+    heating = Phase(HEATED, round(HEATED * STEPS_PER_SECOND))
+    cooling = Phase(COOLED, round(COOLED * STEPS_PER_SECOND), power=0.0)
     history = solve_bioheat(
         uniform_field(medium, grid),
         jnp.asarray(HEAT * part_inside(grid)),
         grid,
+        phases=[heating, cooling],
         initial_temperature=0.0,
         arterial_temperature=0.0,
-        time_step=1.0 / STEPS_PER_SECOND,
-        n_steps=n_steps,
-        heating_duration=HEATED,
     )
-    return np.asarray(history.temperature[n_heated]), np.asarray(history.temperature[n_steps])
+    return np.asarray(history.temperature[heating.n_steps]), np.asarray(history.temperature[-1])
 
 
 def test_the_parts_add_up_to_the_sphere():

@@ -99,6 +99,18 @@ def test_smoothed_size_becomes_the_sharp_one_on_any_grid():
             np.testing.assert_allclose(getattr(smoothed, name), getattr(sharp, name), rtol=1e-6)
 
 
+def test_a_smoothed_line_is_integrated_exactly():
+    """One column of two cells: the length is the mean of the logistic on straight lines."""
+    grid = AxisymmetricGrid(np.array([0.0, 1e-3]), np.array([0.0, 1.0, 3.0]))
+    for change in (1e-9, 0.3, 0.49, 0.51, 3.0, 40.0):
+        level = np.array([1.0, 1.0 + change])
+        size = measured(np.exp(level)[None, :], grid, smoothed_lesion_size, threshold=1.0, width=1.0)
+        slope = change / 1.5  # a straight line through both centres, 0.5 and 2
+        ends = 1.0 + slope * (np.array([0.0, 3.0]) - 0.5)
+        exact = quad(lambda z, a=ends[0], b=slope: 1.0 / (1.0 + np.exp(-a - b * z)), 0.0, 3.0, epsrel=1e-13)[0]
+        np.testing.assert_allclose(size.length, exact, rtol=2e-10)
+
+
 def test_smoothed_volume_is_the_integral_of_the_fraction():
     grid, width = grid_of(80), 0.5
     dose = ellipsoid_dose(grid)

@@ -55,6 +55,21 @@ BAD_HMI = ANY_TABLE | {
     "below the start": HMI + "b,20,100\nb,50,98\n",
     "never heated": HMI + "b,36,100\nb,36.5,98\n",
 }
+HEATING = "time_s,temperature_c\n" + "".join(f"{2.5 * row},{37 + min(row, 8 - 0.5 * row)}\n" for row in range(9))
+BAD_HEATING = ANY_TABLE | {
+    "header only": HEATING.splitlines()[0] + "\n",
+    "missing column": "time_s,signal\n0,37\n2,38\n",
+    "NaN": HEATING + "25,nan\n",
+    "text": HEATING + "25,warm\n",
+    "ragged row": HEATING + "25\n",
+    "one row": "".join(HEATING.splitlines(keepends=True)[:2]),
+    "kelvin": HEATING.replace(",3", ",31").replace(",4", ",31"),
+    "minutes": "time_s,temperature_c\n" + "".join(f"{0.04 * row},{37 + row}\n" for row in range(9)),
+    "unsorted time": HEATING + "3,38\n",
+    "truncated": HEATING[: HEATING.rindex(",")],
+    "too few rows": "".join(HEATING.splitlines(keepends=True)[:6]),
+    "never heated": "time_s,temperature_c\n" + "".join(f"{2.5 * row},{37 - 0.1 * row}\n" for row in range(9)),
+}
 BAD_EXPERIMENTS = {
     "no such file": ABSENT,
     "a folder": FOLDER,
@@ -129,11 +144,17 @@ def test_fit_dma(capfd, tmp_path, content):
     assert_refused(capfd, tmp_path, ["fit-dma", data], names=data)
 
 
+@pytest.mark.parametrize("content", BAD_HEATING.values(), ids=BAD_HEATING.keys())
+def test_fit_heating(capfd, tmp_path, content):
+    data = place(tmp_path / "course.csv", content)
+    assert_refused(capfd, tmp_path, ["fit-heating", data], names=data)
+
+
 @pytest.mark.parametrize("content", BAD_EXPERIMENTS.values(), ids=BAD_EXPERIMENTS.keys())
 def test_experiments(capfd, tmp_path, content):
     experiment, hmi = place(tmp_path / "experiment.toml", content), place(tmp_path / "hmi.csv", HMI)
     commands = (["simulate", experiment], ["calibrate", experiment, "--hmi", hmi])
-    for arguments in (*commands, ["reproduce", "--experiment", experiment]):
+    for arguments in (*commands, ["sonicate", experiment], ["reproduce", "--experiment", experiment]):
         assert_refused(capfd, tmp_path, arguments, names=experiment)
 
 
@@ -175,6 +196,10 @@ def test_reference_outside_the_protocol(capfd, tmp_path, table):
         (["simulate", "--out", "out"], "Missing argument"),
         (["calibrate", "{data}", "--out", "out"], "Missing option '--hmi'"),
         (["reproduce"], "Missing option '--out'"),
+        (["fit-heating", "{data}"], "Missing option '--out'"),
+        (["fit-heating", "{data}", "--out", "out", "--baseline", "310"], "must be a temperature from 0 to 120 degC"),
+        (["fit-heating", "{data}", "--out", "out", "--baseline", "nan"], "must be a temperature from 0 to 120 degC"),
+        (["fit-heating", "{data}", "--out", "out", "--starts", "0"], "Invalid value for '--starts'"),
         (["data", "unknown"], "no shipped data set is called 'unknown'"),
     ],
 )
@@ -220,12 +245,14 @@ def interrupted_output(out):
         yield
 
 
-@pytest.mark.parametrize("command", ["fit_dma", "simulate", "calibrate", "reproduce"])
+@pytest.mark.parametrize("command", ["fit_dma", "fit_heating", "simulate", "sonicate", "calibrate", "reproduce"])
 def test_an_interrupt_leaves_nothing(capfd, tmp_path, monkeypatch, command):
     monkeypatch.setattr(f"inverse.commands.{command}.output_directory", interrupted_output)
     experiment, dma = place(tmp_path / "experiment.toml", EXAMPLE), place(tmp_path / "dma.csv", DMA)
     hmi = place(tmp_path / "hmi.csv", HMI)
+    heating = place(tmp_path / "heating.csv", HEATING)
     inputs = {"fit_dma": [dma], "simulate": [experiment], "calibrate": [experiment, "--hmi", hmi], "reproduce": []}
+    inputs |= {"fit_heating": [heating], "sonicate": [experiment]}
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "summary.json").write_text("earlier")
     before = tree(tmp_path)

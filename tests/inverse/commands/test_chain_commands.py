@@ -45,6 +45,42 @@ def test_simulate(tmp_path, capfd):
     assert "displacement" in capfd.readouterr().out
 
 
+def test_sonicate(tmp_path, capfd):
+    """13 W for 60 s: a lesion, larger and hotter than with the field of the start, and files that others open."""
+    assert run(["sonicate", EXPERIMENT, "--out", str(tmp_path / "updated")]) == 0
+    results = summary_of(tmp_path / "updated")["results"]
+    assert 8 <= results["field_updates"]["value"] <= 20 and results["boiling_time"]["value"] is None
+    assert results["highest_thermocouple_temperature"]["value"] < results["highest_focal_temperature"]["value"]
+    with xr.open_dataset(tmp_path / "updated" / "sonication.nc", engine="h5netcdf") as data:
+        for name in (*data.data_vars, *data.coords):
+            assert data[name].attrs["units"] == (VARIABLES | COORDINATES)[name][0]
+        assert data.sizes["heating_time"] == 241 and data.attrs["acoustic_power_w"] == 13.0
+        grown = data["lesion_volume"].to_numpy()
+        assert np.all(np.diff(grown) >= 0.0) and 1e-9 < grown[-1] < 1e-7
+    header = (tmp_path / "updated" / "curves.csv").read_text().splitlines()
+    assert header[0].startswith("heating_time,") and len(header) == 242
+    for name in ("course", "maps", "lesion_on_force"):
+        assert (tmp_path / "updated" / f"{name}.png").stat().st_size > 10_000
+    frozen = shipped("suomi2016_experiment").read_text().replace('field = "updated"', 'field = "frozen"')
+    (tmp_path / "frozen.toml").write_text(frozen.replace('steps = "fixed"', 'steps = "adaptive"'))
+    assert run(["sonicate", str(tmp_path / "frozen.toml"), "--out", str(tmp_path / "frozen")]) == 0
+    without = summary_of(tmp_path / "frozen")["results"]
+    assert without["field_updates"]["value"] == 0.0
+    assert without["highest_focal_temperature"]["value"] < results["highest_focal_temperature"]["value"] - 1.0
+    assert without["lesion_volume"]["value"] < 0.9 * grown[-1]
+    assert "lesion by dose" in capfd.readouterr().out
+
+
+def test_sonicate_warns_of_boiling(tmp_path, capfd):
+    text = shipped("suomi2016_experiment").read_text().replace("acoustic_power_w = 13.0", "acoustic_power_w = 60.0")
+    (tmp_path / "hot.toml").write_text(text.replace("{ duration_s = 60.0 }", "{ duration_s = 6.0 }"))
+    assert run(["sonicate", str(tmp_path / "hot.toml"), "--out", str(tmp_path / "out")]) == 0
+    boiling = summary_of(tmp_path / "out")["results"]["boiling_time"]["value"]
+    assert 0.5 <= boiling <= 6.0
+    warning = f"tissue reaches 100 degC at {boiling:g} s"
+    assert warning in capfd.readouterr().out and warning in (tmp_path / "out" / "report.md").read_text()
+
+
 def test_calibrate(tmp_path):
     out = tmp_path / "out"
     assert run(["calibrate", EXPERIMENT, "--hmi", str(shipped("suomi2016_hmi")), "--out", str(out)]) == 0

@@ -160,7 +160,7 @@ def test_sweeps_are_split_at_a_kelvin_and_sorted():
 
 def test_shipped_sets_are_whole_and_licensed():
     rows = {"pyvisco_polymer": (210, 21, 10), "nist_foam": (995, 68, 1)}
-    assert set(shipped_names()) == {*rows, "suomi2016_hmi", "suomi2016_experiment"}
+    assert set(shipped_names()) == {*rows, "mr_hifu_60s", "suomi2016_hmi", "suomi2016_experiment"}
     for name, (count, n_sweeps, n_frequencies) in rows.items():
         data = read_dma(shipped(name))
         sweeps = group_sweeps(data)

@@ -3,58 +3,38 @@
 Units stand in the names of the keys. Unknown keys are refused, and so are numbers whose size betrays another unit.
 """
 
-import difflib
+import dataclasses
 import math
 import tomllib
-from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import pydantic
-from pydantic import AfterValidator, AllowInfNan, BaseModel, ConfigDict, Field, Strict, model_validator
+from pydantic import Field, Strict, model_validator
 
 from arfjax import tissues
 from arfjax.errors import InputError
+from arfjax.experiment.messages import EXAMPLE, explain
+from arfjax.experiment.numbers import Celsius, Millimetres, Number, Section, between
+from arfjax.experiment.sonication import SonicationSection
 from arfjax.mechanics.viscoelastic import ShearModulus, YoungModulus
 from arfjax.model import DoseSize, Layer, Lesion, Model, tabulated_size
 from arfjax.protocols.discretisation import RIM_TO_HEAT, RIM_TO_START, relative_wavelengths
 from arfjax.protocols.stepwise import StepwiseProtocol
 from arfjax.transducer import Drive, FocusedBowl
 
-_EXAMPLE = "examples/suomi2016.toml"
 _FOCUS_MARGIN_MM = 1.0  # two of the finest elements
 _MOST_RELATIVE_WAVELENGTHS = 16.0  # more need matrices of gigabytes
 
 
-def _between(low: float, high: float, unit: str, mistaken: str) -> AfterValidator:
-    """A check by magnitude, with bounds far outside what a focused-ultrasound experiment can have."""
-
-    def check(value: float) -> float:
-        if not low <= value <= high:
-            expected = f"expected {low:g} to {high:g}{unit and ' '}{unit}, got {value:g}"
-            raise ValueError(f"{expected}; {mistaken}" if value > 0.0 else f"{expected}; correct the number")
-        return value
-
-    return AfterValidator(check)
-
-
-Number = Annotated[float, Strict(), AllowInfNan(False)]
-Millimetres = Annotated[Number, _between(0.2, 1000.0, "mm", "is it in metres? Give millimetres")]
-Celsius = Annotated[Number, _between(0.0, 120.0, "degC", "is it in kelvin? Subtract 273.15")]
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Transducer(_Section):
+class Transducer(Section):
     """A spherical bowl with a central hole."""
 
     outer_diameter_mm: Millimetres
-    inner_diameter_mm: Annotated[Number, _between(0.0, 1000.0, "mm", "give millimetres")] = 0.0
+    inner_diameter_mm: Annotated[Number, between(0.0, 1000.0, "mm", "give millimetres")] = 0.0
     focal_length_mm: Millimetres
-    frequency_mhz: Annotated[Number, _between(0.05, 20.0, "MHz", "is it in Hz or kHz? Give MHz")]
-    acoustic_power_w: Annotated[Number, _between(1e-3, 1e4, "W", "give watts")]
+    frequency_mhz: Annotated[Number, between(0.05, 20.0, "MHz", "is it in Hz or kHz? Give MHz")]
+    acoustic_power_w: Annotated[Number, between(1e-3, 1e4, "W", "give watts")]
 
     @model_validator(mode="after")
     def _geometry_is_possible(self) -> "Transducer":
@@ -95,35 +75,37 @@ class Transducer(_Section):
         return self.focal_length_mm - math.sqrt(self.focal_length_mm**2 - 0.25 * self.outer_diameter_mm**2)
 
 
-class LayerSection(_Section):
+class LayerSection(Section):
     """A planar layer: a named tissue, of which single constants may be replaced."""
 
     tissue: Literal["water", "skin", "fat", "muscle", "liver"]
     thickness_mm: Millimetres
     perfused: Annotated[bool, Strict()] = True
+    coagulation_stops_perfusion: Annotated[bool, Strict()] = False
+    heat_constants: Literal["constant", "warming"] = "constant"
 
 
-class Mechanics(_Section):
+class Mechanics(Section):
     """How the moduli are to be read."""
 
     modulus: Literal["young", "shear"] = "young"
-    poisson_ratio: Annotated[Number, _between(0.0, 0.49999, "", "take 0.499 for soft tissue")] = 0.499
+    poisson_ratio: Annotated[Number, between(0.0, 0.49999, "", "take 0.499 for soft tissue")] = 0.499
 
 
-class LesionSection(_Section):
+class LesionSection(Section):
     """Where the lesion's size comes from."""
 
     size: Literal["dose", "table"] = "dose"
 
 
-class Protocol(_Section):
+class Protocol(Section):
     """The paper's stepwise protocol."""
 
     kind: Literal["stepwise"] = "stepwise"
     temperatures_c: list[Celsius] = Field(min_length=2)
     normalised_at_c: Celsius
-    sonication_s: Annotated[Number, _between(0.1, 180.0, "s", "is it in milliseconds? Give seconds")] = 60.0
-    push_ms: Annotated[Number, _between(0.01, 20.0, "ms", "is it in seconds? Give milliseconds")] = 0.5
+    sonication_s: Annotated[Number, between(0.1, 180.0, "s", "is it in milliseconds? Give seconds")] = 60.0
+    push_ms: Annotated[Number, between(0.01, 20.0, "ms", "is it in seconds? Give milliseconds")] = 0.5
 
     @model_validator(mode="after")
     def _temperatures_rise(self) -> "Protocol":
@@ -137,7 +119,7 @@ class Protocol(_Section):
         return self
 
 
-class Experiment(_Section):
+class Experiment(Section):
     """An experiment file as read and checked; `calibration` is left to whoever fits."""
 
     title: str = "untitled experiment"
@@ -146,6 +128,7 @@ class Experiment(_Section):
     mechanics: Mechanics = Mechanics()
     lesion: LesionSection = LesionSection()
     protocol: Protocol
+    sonication: SonicationSection = SonicationSection()
     calibration: dict[str, Any] = {}
 
     @model_validator(mode="after")
@@ -201,6 +184,12 @@ class Experiment(_Section):
             push_duration=1e-3 * self.protocol.push_ms,
         )
 
+    def sonicated(self) -> Model:
+        """The model at the sonication's power."""
+        model = self.model()
+        power = self.sonication.acoustic_power_w
+        return model if power is None else dataclasses.replace(model, drive=Drive(model.drive.frequency, power))
+
 
 def read_experiment(path: str | Path) -> Experiment:
     """An experiment file, checked.
@@ -217,7 +206,7 @@ def read_experiment(path: str | Path) -> Experiment:
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
-    expected = f"expected an experiment in TOML, such as {_EXAMPLE}."
+    expected = f"expected an experiment in TOML, such as {EXAMPLE}."
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:
@@ -237,86 +226,10 @@ def _read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: not valid TOML: {str(error).rstrip('.')}; {expected}") from None
 
 
-def explain(error: pydantic.ValidationError, schema: type[BaseModel]) -> str:
-    """What a validation found wrong first, in one line; an unknown key, often a misspelt one, before a missing one."""
-    found = error.errors()
-    first = next((each for each in found if each["type"] == "extra_forbidden"), found[0])
-    where, kind = first["loc"], first["type"]
-    if kind == "extra_forbidden":
-        return f"unknown key {_place(where)}; {_advice(where, schema)}"
-    if kind == "missing" and isinstance(where[-1], str):
-        return f"missing key {_place(where)}; add it ({_EXAMPLE} shows all)."
-    place = f"{_place(where)}: " if where else ""
-    return f"{place}{_wording(first).rstrip('.')}."
-
-
-_EXPECTED = {
-    "float_type": "a number",
-    "finite_number": "a finite number",
-    "bool_type": "true or false",
-    "string_type": "text in quotation marks",
-    "list_type": "a list",
-    "tuple_type": "a list",
-    "dict_type": "a table",
-    "model_type": "a table",
-    "missing": "one value more",
-}
-"""What was expected, by pydantic's name of the mistake."""
-
-
-def _wording(mistake: Mapping[str, Any]) -> str:
-    kind, given = mistake["type"], _shown(mistake["input"])
-    if kind in ("value_error", "assertion_error"):
-        return mistake["msg"].partition(", ")[2]
-    if kind == "literal_error":
-        return f"expected {mistake['ctx']['expected']}, got {given}"
-    if kind == "too_short":
-        return f"expected at least {mistake['ctx']['min_length']} values, got {given}"
-    if kind == "too_long":
-        return f"expected at most {mistake['ctx']['max_length']} values, got {given}"
-    if kind in _EXPECTED:
-        return f"expected {_EXPECTED[kind]}, got {given}"
-    return f"{mistake['msg'].replace('Input should', 'the value must')}, got {given}"
-
-
-def _shown(value: object) -> str:
-    try:
-        text = repr(value)
-    except ValueError:  # Python does not print integers of thousands of digits
-        return "a number of thousands of digits"
-    return text if len(text) <= 60 else f"{text[:60]}..."
-
-
-def _dotted(where: tuple[int | str, ...]) -> str:
-    return ".".join(part for part in where if isinstance(part, str))
-
-
-def _place(where: tuple[int | str, ...]) -> str:
-    """A key, and which entry of its list, counted from one."""
-    entries = [str(part + 1) for part in where if isinstance(part, int)]
-    return f"`{_dotted(where)}`" + (f" (entry {'.'.join(entries)})" if entries else "")
-
-
-def _advice(where: tuple[int | str, ...], schema: type[BaseModel]) -> str:
-    """The known key that is nearest to an unknown one, in its own section if there is one."""
-    section, name = _dotted(where[:-1]), str(where[-1])
-    known = list(_known_keys(schema))
-    siblings = [key for key in known if key.rpartition(".")[0] == section]
-    for keys in (siblings, known):
-        near = difflib.get_close_matches(name, [key.rpartition(".")[2] for key in keys], n=1)
-        if near:
-            return f"did you mean `{next(key for key in keys if key.rpartition('.')[2] == near[0])}`?"
-    return f"remove it; known here are {', '.join(key.rpartition('.')[2] for key in siblings)}."
-
-
-def _known_keys(schema: type[BaseModel], section: str = "") -> Iterator[str]:
-    for name, field in schema.model_fields.items():
-        yield section + name
-        for candidate in (field.annotation, *getattr(field.annotation, "__args__", ())):
-            if isinstance(candidate, type) and issubclass(candidate, BaseModel):
-                yield from _known_keys(candidate, f"{section}{name}.")
-
-
 def _tissue(section: LayerSection) -> tissues.Tissue:
     tissue = tissues.BY_NAME[section.tissue]()
+    if section.heat_constants == "warming":
+        tissue = tissues.warming(tissue)
+    if section.coagulation_stops_perfusion:
+        tissue = tissues.coagulating(tissue)
     return tissue if section.perfused else tissues.unperfused(tissue)

@@ -1,0 +1,1 @@
+"""What an instrument would have read: thermocouples and magnetic-resonance thermometry."""
