@@ -205,7 +205,7 @@ def test_perfusion_that_dose_stops_and_metabolic_heat():
     for n in steps:
         got = in_a_box(properties, lambda temperature, _: 0.0 * temperature, [Phase(100.0, n)], initial=START)
         errors.append([abs(got.temperature[-1, 0, 0] - START - state[0]), abs(got.dose[-1, 0, 0] - state[1])])
-    for error, most in zip(np.transpose(errors), (3e-3, 2e-2), strict=True):
+    for error, most in zip(np.transpose(errors), (3e-3, 4e-2), strict=True):
         assert_order([1.0 / n for n in steps], error, order=2.0, slack=0.2)
         assert error[-1] < most
 
@@ -237,7 +237,7 @@ def test_what_is_delivered_is_stored_whatever_conductivity_does():
 
 def test_steady_slab_whose_conductivity_grows_with_temperature():
     """Kirchhoff: u + b u^2 / 2 is a straight line between walls at 40 K and 0."""
-    grow, cells, errors = 0.05, [8, 16], []
+    grow, cells, errors = 0.02, [8, 16], []
     for n in cells:
         grid = AxisymmetricGrid(np.asarray([0.0, 1e-3]), np.linspace(0.0, 1e-2, n + 1))
 
