@@ -70,16 +70,16 @@ class Discretisation(eqx.Module):
             dose: Of every cell [equivalent min at 43 degC].
             reference: Temperature at which the layers themselves are taken [degC].
         """
-        heated, fresh = [], []
+        attenuation, sound_speed = [], []
         for layer, *values in self._by_layer(model, temperature, dose):
-            heated.append(layer.tissue.acoustic(*values))
-            fresh.append(layer.tissue.acoustic(reference))
-        pairs = list(zip(heated, fresh, strict=True))
+            tissue = layer.tissue
+            attenuation.append(tissue.attenuation(*values) - tissue.attenuation(reference))
+            sound_speed.append(tissue.sound_speed(*values) - tissue.sound_speed(reference))
         return MediumVariation(
             r=self.heat_grid.r,
             z=self.heat_grid.z,
-            attenuation=self._on_grid([now.attenuation - then.attenuation for now, then in pairs]),
-            sound_speed=self._on_grid([now.sound_speed - then.sound_speed for now, then in pairs]),
+            attenuation=self._on_grid(attenuation),
+            sound_speed=self._on_grid(sound_speed),
         )
 
     def _by_layer(
