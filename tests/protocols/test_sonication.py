@@ -18,7 +18,7 @@ from arfjax.thermal.feedback import FROZEN
 from tests.checks import assert_gradient_of_each_leaf
 
 MODEL = read_experiment(Path(__file__).parents[2] / "examples" / "suomi2016.toml").model()
-COARSE = discretise(MODEL, refinement=0.3)
+COARSE = discretise(MODEL, refinement=0.5)
 FOCUS = 0, int(np.argmin(np.abs(COARSE.heat_grid.z - COARSE.focus)))
 PHASES = (Phase(3.0, 4), Phase(1.0, 2, 0.0), Phase(1.0, 2, 0.5))
 TOLERANCE = 6.0
@@ -47,17 +47,16 @@ def following():
 def test_frozen_field_and_constant_laws_are_field_heat_and_bioheat(frozen):
     """The path of the paper: one field at the start temperature, its heat, constants of 37 degC."""
     layers = [AcousticLayer(layer.tissue.acoustic(37.0), layer.thickness) for layer in MODEL.layers]
-    grid = COARSE.heat_grid
-    field = solve_field(MODEL.bowl, MODEL.drive, layers, r=grid.r, z=grid.z, settings=COARSE.march)
-    heat = heat_deposition(field)
-    expected = solve_bioheat(
-        COARSE.thermal_field(MODEL, 37.0),
-        heat,
-        grid,
-        phases=PHASES,
-        initial_temperature=37.0,
-        arterial_temperature=37.0,
-    )
+    field, grid = COARSE.thermal_field(MODEL, 37.0), COARSE.heat_grid
+    options = {"phases": PHASES, "initial_temperature": 37.0, "arterial_temperature": 37.0}
+
+    @jax.jit
+    def parts():
+        sound = solve_field(MODEL.bowl, MODEL.drive, layers, r=grid.r, z=grid.z, settings=COARSE.march)
+        heat = heat_deposition(sound)
+        return heat, solve_bioheat(field, heat, grid, **options)
+
+    heat, expected = parts()
     np.testing.assert_allclose(frozen.heat[0], heat, rtol=1e-8, atol=1e-8 * np.abs(heat).max())
     np.testing.assert_allclose(frozen.temperature, expected.temperature, rtol=1e-8)
     assert np.all(frozen.field_updates == 0)
@@ -65,26 +64,37 @@ def test_frozen_field_and_constant_laws_are_field_heat_and_bioheat(frozen):
 
 
 def test_the_field_follows_where_tissue_has_moved(frozen, following):
-    """Attenuation of liver grows beyond 50 degC: more heat at the focus by about as much, less in its shadow."""
+    """Attenuation of liver grows beyond 50 degC: more heat at the focus, in proportion, and a shadow behind it."""
     updates = np.asarray(following.field_updates)
-    assert updates[3] >= 2 and updates[5] == updates[3]  # none while the power is off
-    temperature, heat = np.asarray(following.temperature), np.asarray(following.heat)
-    focal = temperature[3][FOCUS]
-    with np.errstate(all="ignore"):
-        local = float(MODEL.liver.attenuation.evaluate(focal) / MODEL.liver.attenuation.evaluate(37.0))
-    gained = heat[3][FOCUS] / heat[0][FOCUS]
-    assert local > 1.05 and gained > 1.0
-    assert abs(gained - local) < 0.5 * (local - 1.0)  # the answer is up to a tolerance old
-    behind = 0, int(np.argmin(np.abs(COARSE.heat_grid.z - COARSE.focus - 8e-3)))
-    assert heat[3][behind] < heat[0][behind] and temperature[3][behind] < 45.0
-    assert following.focal_temperature[4] > frozen.focal_temperature[4] + 0.5
+    assert updates[3] == 3 and updates[5] == updates[3]  # none while the power is off
+    assert following.focal_temperature[4] > frozen.focal_temperature[4] + 1.0
+    # The last step of heating was asked for at the temperatures at its start, so its heat is that of their law.
+    law, temperature = MODEL.liver.attenuation.evaluate, np.asarray(following.temperature)[3, 0]
+    inside = np.asarray(COARSE.layer_of_cell) == len(MODEL.path)
+    grown = np.asarray(law(temperature) / law(37.0))[inside]
+    passed = np.asarray(following.heat[3, 0] / following.heat[0, 0])[inside] / grown
+    assert grown[np.argmax(temperature[inside])] > 1.5
+    beyond = COARSE.heat_grid.z[inside] - COARSE.focus
+    behind = (beyond > 1e-3) & (beyond < 3e-3)
+    assert behind.sum() >= 2
+    # Most sound comes round the heated core, so the shadow is far lighter than what the axis itself would lose.
+    lost = 2.0 * np.sum(
+        (law(temperature) - law(37.0)) * np.diff(COARSE.heat_grid.z_faces) * 1.1**1.1 * (temperature > 50.0)
+    )
+    assert np.all(passed[behind] < 0.998) and np.all(passed[behind] > np.exp(-lost))
+    np.testing.assert_allclose(passed, 1.0, atol=0.015)
 
 
 def test_field_of_hot_tissue_is_that_of_its_laws():
     """The whole of the liver's grid at one temperature; what is fresh there is the layer itself."""
     grid = COARSE.heat_grid
-    make = functools.partial(sonication_field, MODEL, Sonication(PHASES), COARSE, r=grid.r, z=grid.z)
-    cold, hot = (make(jnp.full(grid.shape, at), jnp.zeros(grid.shape)) for at in (37.0, 65.0))
+
+    @jax.jit
+    def field(temperature):
+        states = jnp.full(grid.shape, temperature), jnp.zeros(grid.shape)
+        return sonication_field(MODEL, Sonication(PHASES), COARSE, *states, r=grid.r, z=grid.z)
+
+    cold, hot = field(37.0), field(65.0)
     inside = np.asarray(COARSE.layer_of_cell) == len(MODEL.path)
     law = MODEL.liver.attenuation.evaluate
     ratio = np.asarray(hot.attenuation / cold.attenuation)[0]
@@ -105,12 +115,14 @@ def test_results_agree_with_one_another(following):
     """Dose, lesion and time belong to the temperatures; damage counts from the same history."""
     np.testing.assert_allclose(following.time, [0.0, 0.75, 1.5, 2.25, 3.0, 3.5, 4.0, 4.5, 5.0], rtol=1e-14)
     assert np.all(np.diff(following.dose, axis=0) > 0.0) and np.all(np.diff(following.damage, axis=0) > 0.0)
-    assert float(following.dose[-1][FOCUS]) == float(following.dose[-1].max())
-    lethal = float(following.dose[-1].max()) > MODEL.lesion.size.threshold
+    most = float(following.dose[-1].max())
+    assert float(following.dose[-1, 0].max()) == most  # on the axis
+    lethal = most > MODEL.lesion.size.threshold
     assert (float(following.lesion.length[-1]) > 0.0) == lethal
     assert bool(following.effort.converged) and int(following.effort.n_steps) == 8
 
 
+@pytest.mark.slow
 def test_powers_as_a_batch(frozen):
     batch = jax.jit(jax.vmap(run))(jnp.asarray([25.0, 50.0]))
     np.testing.assert_allclose(batch.temperature[1], frozen.temperature, rtol=1e-10)

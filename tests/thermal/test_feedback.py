@@ -118,7 +118,7 @@ def test_constant_tissue_and_heat_are_solve_bioheat():
     field = ThermalField(
         *(jnp.asarray(rng.uniform(*e, GRID.shape)) for e in ((0.2, 1.0), (3e6, 5e6), (0, 5e4), (0, 1e4)))
     )
-    phases = [Phase(3.0, 4), Phase(2.0, 3, 0.0), Phase(1.0, 2, 0.5)]
+    phases = [Phase(3.0, 4), Phase(1.0, 2, 0.5)]
     walls = Walls(Convective(300.0, 1.0), FixedTemperature(2.0), Insulated())
     options = {"phases": phases, "initial_temperature": 40.0, "arterial_temperature": 37.0, "walls": walls}
     expected = solve_bioheat(field, 2e7 * SHAPE, GRID, **options)
@@ -129,9 +129,9 @@ def test_constant_tissue_and_heat_are_solve_bioheat():
     # A step's dose is that of the temperatures at its ends, as the dose of a history is.
     dose = cumulative_equivalent_minutes(expected.temperature, expected.time)
     np.testing.assert_allclose(got.dose, dose, rtol=1e-9)
-    powers = np.repeat([1.0, 0.0, 0.5], [4, 3, 2])[:, None, None]
+    powers = np.repeat([1.0, 0.5], [4, 2])[:, None, None]
     np.testing.assert_allclose(got.heat, powers * 2e7 * SHAPE[None], rtol=1e-15)
-    assert int(got.effort.n_steps) == 9 and int(got.effort.n_rejected) == 0 and bool(got.effort.converged)
+    assert int(got.effort.n_steps) == 6 and int(got.effort.n_rejected) == 0 and bool(got.effort.converged)
 
 
 def test_second_order_in_time_with_every_law_at_work():
@@ -332,6 +332,7 @@ def test_derivatives_in_every_law_time_power_and_temperature():
     assert_gradient_of_each_leaf(quantity, CONSTANTS)
 
 
+@pytest.mark.slow
 def test_a_batch_matches_a_loop():
     powers = jnp.asarray([0.5, 1.0, 1.5])
     one = lambda power: run(CONSTANTS | {"power": power}, 6, 2, 3.0)  # noqa: E731
