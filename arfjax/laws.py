@@ -172,6 +172,11 @@ class Coagulating(TemperatureLaw):
         fresh, coagulated = self.fresh.after(temperature, dose), self.coagulated.after(temperature, dose)
         return fresh + share * (coagulated - fresh)
 
+    def outside_range(self, temperature: Temperature) -> str | None:
+        """Also when a temperature [degC] is outside the range of one of the two laws."""
+        messages = (law.outside_range(temperature) for law in (self.fresh, self.coagulated))
+        return super().outside_range(temperature) or next(filter(None, messages), None)
+
 
 def coagulated_fraction(damage: Temperature, threshold: Scalar, *, width: Scalar) -> Float[Array, "..."]:
     r"""Smooth closure for the fraction of tissue that has coagulated: $1 / (1 + (threshold / damage)^{1/width})$.

@@ -30,7 +30,7 @@ BLOOD_DENSITY = 1050.0  # kg/m^3; value in common use, assumed
 BLOOD_SPECIFIC_HEAT = 3617.0  # J/(kg K); value in common use, assumed
 
 LETHAL_DOSE_MINUTES = 240.0  # the threshold of Suomi et al. 2016
-COAGULATION_WIDTH = 0.25  # a third of the way, 80 to 720 min, from tenth to nine tenths; assumed
+COAGULATION_WIDTH = 0.25  # a tenth at 139 min, nine tenths at 416; assumed
 
 _TABLE_1 = f"{suomi2016.PAPER}, table 1"
 _ASSUMED = "value in common use, assumed"
@@ -201,8 +201,9 @@ def coagulating(tissue: Tissue, *, width: float = COAGULATION_WIDTH) -> Tissue:
 def warming(tissue: Tissue) -> Tissue:
     """The same tissue with conductivity and specific heat of liver as they were measured from 20 to 90 degC.
 
-    Conductivity is lowest at 35 to 40 degC (0.520 W/(m K)), 9.6 percent above that at 20 degC and 45 percent at 90;
-    specific heat rises by 17 percent from 25 to 83.5 degC. Both stand for other soft tissue only as an assumption.
+    Conductivity falls by 9.6 percent from 20 degC to its lowest, 0.520 W/(m K) at 35 to 40, and rises by 45 percent
+    from there to 90, taken to be linear. Specific heat is the line through its two printed values, which are 23 percent
+    apart, not 17 as printed beside them. Both stand for other soft tissue only as an assumption.
     """
     return dataclasses.replace(
         tissue,

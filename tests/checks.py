@@ -41,3 +41,31 @@ def assert_order(spacings: Sequence[float], errors: Sequence[float], *, order: f
     """The error falls with the spacing at least as fast as claimed."""
     slope = observed_order(spacings, errors)
     assert slope >= order - slack, f"observed order {slope:.2f}, claimed {order}: errors {list(errors)}"
+
+
+def assert_gradient_of_each_leaf(
+    f: Callable, x, *, step: float = 3e-4, rtol: float = 1e-6, reverse: bool = True
+) -> None:
+    """As `assert_gradient`, for a relative change of one leaf of `x` at a time, so that none hides behind another.
+
+    Every derivative must be there: none may be zero. `reverse` False leaves that mode out.
+    """
+    x = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), x)
+    leaves, structure = jax.tree.flatten(x)
+    names = [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_flatten_with_path(x)[0]]
+    pick = [structure.unflatten([jnp.asarray(float(i == j)) for j in range(len(leaves))]) for i in range(len(leaves))]
+    value = jax.jit(lambda scales: f(jax.tree.map(lambda leaf, scale: leaf * scale, x, scales)))
+    ones = jax.tree.map(lambda leaf: jnp.ones(()), x)
+    stacked = jax.tree.map(lambda *each: jnp.stack(each), *pick)
+    forward = jax.jit(jax.vmap(lambda direction: jax.jvp(value, (ones,), (direction,))[1]))(stacked)
+    assert np.all(forward != 0.0), dict(zip(names, forward, strict=True))
+    if reverse:
+        backward = jnp.stack(jax.tree.leaves(jax.jit(jax.grad(value))(ones)))
+        np.testing.assert_allclose(backward, forward, rtol=1e-10, err_msg=f"reverse against forward mode: {names}")
+    for name, direction, derivative in zip(names, pick, forward, strict=True):
+
+        def along(length, direction=direction):
+            return float(value(jax.tree.map(lambda scale, change: scale + length * change, ones, direction)))
+
+        central = (8.0 * (along(step) - along(-step)) - (along(2.0 * step) - along(-2.0 * step))) / (12.0 * step)
+        np.testing.assert_allclose(derivative, central, rtol=rtol, err_msg=f"against central difference: {name}")

@@ -9,7 +9,7 @@ import pytest
 
 from arfjax import suomi2016, tissues, units
 from arfjax.errors import ExtrapolationWarning
-from arfjax.laws import Constant, Exponential, Linear, NormalisedPolynomial, Tabulated, extrapolations
+from arfjax.laws import Coagulating, Constant, Exponential, Linear, NormalisedPolynomial, Tabulated, extrapolations
 from tests.checks import assert_gradient
 
 LABELS = {"unit": "1", "source": "test"}
@@ -87,3 +87,57 @@ def test_every_tissue_states_unit_and_source():
 def test_attenuation_at_another_frequency_follows_the_power_law():
     skin = tissues.skin().acoustic(35.0)
     assert float(skin.attenuation_at(2e6)) == pytest.approx(units.from_db_per_cm(0.35) * 2.0**1.55, rel=1e-12)
+
+
+def coagulating(width=0.25, **ranges):
+    fresh = Linear(2.0, 0.5, 40.0, **LABELS, **ranges)
+    return Coagulating(fresh, Constant(10.0, **LABELS), 240.0, width, **LABELS)
+
+
+def test_coagulating_goes_from_one_law_to_the_other():
+    law = coagulating()
+    for temperature, fresh in ((40.0, 2.0), (50.0, 7.0)):
+        assert float(law(temperature)) == float(law(temperature, 0.0)) == fresh
+        assert float(law(temperature, 1e-3)) == pytest.approx(fresh, abs=1e-12)
+        assert float(law(temperature, 240.0)) == pytest.approx(0.5 * (fresh + 10.0), rel=1e-14)
+        assert float(law(temperature, 1e12)) == pytest.approx(10.0, rel=1e-14)
+        # From a tenth to nine tenths dose grows by 81^width.
+        for share, factor in ((0.1, 9.0**-0.25), (0.9, 9.0**0.25)):
+            assert float(law(temperature, 240.0 * factor)) == pytest.approx(fresh + share * (10.0 - fresh), rel=1e-12)
+    values = law(jnp.asarray([[40.0, 50.0]] * 2), jnp.asarray([[0.0], [1e12]]))
+    np.testing.assert_allclose(values, [[2.0, 7.0], [10.0, 10.0]], rtol=1e-14)
+
+
+def test_laws_that_do_not_ask_for_dose_ignore_it():
+    for law in (Linear(2.0, 0.5, 40.0, **LABELS), tissues.liver().attenuation):
+        assert float(law(50.0, 1e3)) == float(law(50.0))
+
+
+def test_coagulating_within_coagulating():
+    """Two transitions one after the other, far apart: each acts at its own dose."""
+    first = Coagulating(Constant(1.0, **LABELS), Constant(2.0, **LABELS), 1.0, 0.1, **LABELS)
+    law = Coagulating(first, Constant(5.0, **LABELS), 1e4, 0.1, **LABELS)
+    expected = [1.0, 1.5, 2.0, 3.5, 5.0]
+    np.testing.assert_allclose(law(jnp.full(5, 40.0), jnp.asarray([0.0, 1.0, 100.0, 1e4, 1e8])), expected, rtol=1e-12)
+
+
+def test_coagulating_is_smooth_and_finite_from_no_dose_on():
+    law = coagulating()
+    slopes = jax.vmap(jax.grad(lambda dose: law(50.0, dose)))(jnp.asarray([0.0, 1e-40, 1.0, 240.0, 1e30]))
+    assert np.all(np.isfinite(slopes)) and float(slopes[0]) == 0.0
+    # d share / d ln dose is 1 / (4 width) at the threshold.
+    assert float(slopes[3]) == pytest.approx((10.0 - 7.0) / (4.0 * 0.25 * 240.0), rel=1e-12)
+
+    def value(p):
+        return coagulating(p["width"])(p["temperature"], p["dose"])
+
+    assert_gradient(value, {"width": 0.3, "temperature": 52.0, "dose": 200.0})
+
+
+def test_coagulating_speaks_for_the_laws_within():
+    law = coagulating(valid_range=(5.0, 70.0))
+    assert law.outside_range(60.0) is None
+    with pytest.warns(ExtrapolationWarning, match="extrapolated to 80 degC.*covers 5 to 70 degC"):
+        law(80.0, 300.0)
+    (message,) = extrapolations({"attenuation": law}, np.asarray([37.0, 80.0]))
+    assert message.startswith("model['attenuation']: extrapolated to 80 degC;")

@@ -85,7 +85,8 @@ class SonicationResult(eqx.Module):
 
     def boiling_time(self) -> Float[Array, ""]:
         """First output time at which any cell has reached 100 degC [s], NaN if none; from there on, do not trust it."""
-        boils = jnp.max(self.temperature, axis=(1, 2)) >= BOILING_TEMPERATURE
+        hottest = jnp.max(self.temperature, axis=(1, 2))
+        boils = (hottest >= BOILING_TEMPERATURE) & jnp.isfinite(hottest)  # infinite: not reached
         return jnp.where(jnp.any(boils), self.time[jnp.argmax(boils)], jnp.nan)
 
 

@@ -117,6 +117,8 @@ def solve_with_feedback(
     Accuracy: second order in the time step for smooth constants and a frozen source. What a source that follows lags
     behind falls faster than in proportion to `tolerance` while the tissue heats steadily, as long as the steps are
     short beside the time between updates; after a turn from cooling to heating in proportion to it.
+    Steps far longer than a cell's own time constant are stable while its conductances over its capacity grow by less
+    than 24 percent in one of them.
     Differentiability: forward and reverse in all that `properties` and `source` hold, in the phases, temperatures and
     walls; the steps at which the source is asked again count as given. Each step is computed again for the reverse
     mode, so that memory is that of the temperatures.
