@@ -36,11 +36,11 @@ from tests.thermal import five_layers
 
 EXPERIMENT = shipped("suomi2016_experiment")
 BODY = five_layers.BODY_TEMPERATURE
-FIELD_TOLERANCE = 4.2
+FIELD_TOLERANCE = 4.6
 """Change of temperature [K] after which the field is computed again, such that 60 s of heating take 8 updates."""
 
 POWER = 15.0
-"""Acoustic power [W]: the focus comes to 66 degC; with more, its attenuation runs away and it boils."""
+"""Acoustic power [W]: the focus comes to 68 degC; with more, its attenuation runs away and it boils."""
 
 
 def timed(function: Callable, *arguments, repeats: int = 5) -> dict[str, float]:
