@@ -36,35 +36,43 @@ from tests.thermal import five_layers
 
 EXPERIMENT = shipped("suomi2016_experiment")
 BODY = five_layers.BODY_TEMPERATURE
-FIELD_TOLERANCE = 4.2
+FIELD_TOLERANCE = 4.6
 """Change of temperature [K] after which the field is computed again, such that 60 s of heating take 8 updates."""
 
 POWER = 15.0
-"""Acoustic power [W]: the focus comes to 66 degC; with more, its attenuation runs away and it boils."""
+"""Acoustic power [W]: the focus comes to 68 degC; with more, its attenuation runs away and it boils."""
 
 
 def timed(function: Callable, *arguments, repeats: int = 5) -> dict[str, float]:
     """Seconds of the first call (compilation included), and median and minimum of the next ones."""
+    return timed_in_turn([function], *arguments, repeats=repeats)[0]
+
+
+def timed_in_turn(functions: list[Callable], *arguments, repeats: int) -> list[dict[str, float]]:
+    """As `timed` for each of several functions, taken in turn so that other load meets all of them alike."""
+    firsts = [_seconds(function, *arguments) for function in functions]
+    rounds = [[_seconds(function, *arguments) for function in functions] for _ in range(repeats)]
+    return [
+        {
+            "first_s": round(first, 4),
+            "median_s": round(statistics.median(runs), 5),
+            "min_s": round(min(runs), 5),
+            "repeats": repeats,
+        }
+        for first, runs in zip(firsts, zip(*rounds, strict=True), strict=True)
+    ]
+
+
+def _seconds(function: Callable, *arguments) -> float:
     start = time.perf_counter()
     jax.block_until_ready(function(*arguments))
-    first = time.perf_counter() - start
-    runs = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        jax.block_until_ready(function(*arguments))
-        runs.append(time.perf_counter() - start)
-    return {
-        "first_s": round(first, 4),
-        "median_s": round(statistics.median(runs), 5),
-        "min_s": round(min(runs), 5),
-        "repeats": repeats,
-    }
+    return time.perf_counter() - start
 
 
 def with_gradient(run: Callable, scalar: Callable, *arguments, repeats: int = 5) -> dict[str, dict | float]:
     """Times of a run and of the value and gradient of a number of it, and their ratio (of the minima)."""
-    forward = timed(jax.jit(run), *arguments, repeats=repeats)
-    gradient = timed(jax.jit(jax.value_and_grad(scalar)), *arguments, repeats=repeats)
+    functions = [jax.jit(run), jax.jit(jax.value_and_grad(scalar))]
+    forward, gradient = timed_in_turn(functions, *arguments, repeats=repeats)
     return {
         "forward": forward,
         "gradient": gradient,
@@ -84,7 +92,7 @@ def five_layer_numbers(grid: AxisymmetricGrid):
     return jax.tree.map(jnp.asarray, (five_layers.tissue(grid), five_layers.heat("T1", grid)))
 
 
-def five_layer_case(grid: AxisymmetricGrid, phases: tuple[Phase, ...], repeats: int = 7) -> dict:
+def five_layer_case(grid: AxisymmetricGrid, phases: tuple[Phase, ...], repeats: int = 25) -> dict:
     """Forward and gradient of the logarithm of the largest dose to the heat and every thermal constant."""
 
     def log_dose(numbers):
