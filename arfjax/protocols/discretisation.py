@@ -64,7 +64,8 @@ class Discretisation(eqx.Module):
     ) -> MediumVariation:
         """By how much attenuation and sound speed of every cell depart from those of fresh tissue at `reference`.
 
-        Both are held at the ends of their laws' ranges, and the exponent of attenuation stays that of `reference`.
+        Both are held at the ends of their laws' ranges. Density and the exponent of attenuation stay those of
+        `reference`: their laws do not feed back on the field.
 
         Args:
             model: The model.

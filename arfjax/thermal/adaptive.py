@@ -32,7 +32,7 @@ from arfjax.thermal.splitting import Cells
 from arfjax.thermal.varying import Exposure, ThermalProperties, Tissue
 
 _MOST_STEPS = 16**4
-"""Bound on the number of steps, which reverse mode needs: its checkpoints form a tree of this many leaves."""
+"""Bound on the number of steps; a run that needs more cannot meet its error and is reported as not converged."""
 
 
 def solve_adaptively(
