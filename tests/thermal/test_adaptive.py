@@ -94,6 +94,7 @@ def test_heat_is_that_of_the_phase_and_no_step_crosses_the_switch():
     assert int(got.effort.n_rejected) >= 1
 
 
+@pytest.mark.slow
 def test_updates_are_counted_and_reach_fixed_steps_that_follow(fine):
     following = run(CONSTANTS, solver=solve_with_feedback, steps=(480, 320), options=(("tolerance", 1e-9),))
     got = adaptive(0.025, 1.0)
