@@ -135,12 +135,6 @@ def stepwise_dataset(result: StepwiseResult, protocol: StepwiseProtocol, referen
     reference = displacement[int(np.argmin(np.abs(temperature - reference_temperature)))]
     history = np.asarray(result.displacement_history)
     variables = {
-        "arrhenius_damage": ("1", "Arrhenius damage of liver; 1 leaves exp(-1) of the tissue as it was"),
-        "thermocouple_temperature": ("degC", "what a thermocouple at the geometric focus would show"),
-        "peak_temperature": ("degC", "highest tissue temperature anywhere"),
-        "focal_dose": ("min", "cumulative equivalent minutes at 43 degC at the geometric focus"),
-        "lesion_volume": ("m3", "volume of the lesion"),
-        "field_updates": ("1", "how often the sound field had been computed again"),
         "focal_displacement": (("step_temperature", "push_time"), history),
         "displacement": (("step_temperature",), displacement),
         "displacement_percent": (("step_temperature",), 100.0 * displacement / reference),
