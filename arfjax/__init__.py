@@ -19,6 +19,8 @@ from arfjax.experiment import explain as explain
 from arfjax.experiment import read_experiment as read_experiment
 from arfjax.grid import AxisymmetricGrid as AxisymmetricGrid
 from arfjax.instruments.mr_thermometry import MagneticResonanceThermometer as MagneticResonanceThermometer
+from arfjax.instruments.mr_thermometry import slice_across_beam as slice_across_beam
+from arfjax.instruments.mr_thermometry import slice_along_beam as slice_along_beam
 from arfjax.instruments.thermocouple import Thermocouple as Thermocouple
 from arfjax.laws import Coagulating as Coagulating
 from arfjax.laws import Constant as Constant
@@ -26,9 +28,11 @@ from arfjax.laws import Exponential as Exponential
 from arfjax.laws import FractionalZenerLaw as FractionalZenerLaw
 from arfjax.laws import Linear as Linear
 from arfjax.laws import NormalisedPolynomial as NormalisedPolynomial
+from arfjax.laws import Scaled as Scaled
 from arfjax.laws import Tabulated as Tabulated
 from arfjax.laws import TemperatureLaw as TemperatureLaw
 from arfjax.laws import ZenerLaw as ZenerLaw
+from arfjax.laws import coagulated_fraction as coagulated_fraction
 from arfjax.laws import extrapolations as extrapolations
 from arfjax.mechanics.complex_modulus import complex_modulus as complex_modulus
 from arfjax.mechanics.dynamics import solve_push as solve_push
@@ -67,6 +71,8 @@ from arfjax.protocols.stepwise import stepwise_displacement as stepwise_displace
 from arfjax.thermal.adaptive import solve_adaptively as solve_adaptively
 from arfjax.thermal.bioheat import Phase as Phase
 from arfjax.thermal.bioheat import TemperatureHistory as TemperatureHistory
+from arfjax.thermal.bioheat import boiling_time as boiling_time
+from arfjax.thermal.bioheat import focal_temperature as focal_temperature
 from arfjax.thermal.bioheat import solve_bioheat as solve_bioheat
 from arfjax.thermal.conduction import Convective as Convective
 from arfjax.thermal.conduction import FixedTemperature as FixedTemperature
@@ -80,6 +86,7 @@ from arfjax.thermal.damage import ThermalDose as ThermalDose
 from arfjax.thermal.damage import TransitionStateDamage as TransitionStateDamage
 from arfjax.thermal.damage import accumulated_damage as accumulated_damage
 from arfjax.thermal.dose import cumulative_equivalent_minutes as cumulative_equivalent_minutes
+from arfjax.thermal.feedback import FROZEN as FROZEN
 from arfjax.thermal.feedback import FeedbackHistory as FeedbackHistory
 from arfjax.thermal.feedback import solve_with_feedback as solve_with_feedback
 from arfjax.thermal.lesion import LesionSize as LesionSize

@@ -122,7 +122,8 @@ def draw_temperature_maps(dataset: xr.Dataset, model: Model, times: list[float])
     charts = figure.subplots(-(-len(times) // columns), columns, sharex=True, sharey=True, squeeze=False)
     shown = dataset.sel(heating_time=times, method="nearest")
     temperature = shown["temperature"].to_numpy()
-    levels = np.linspace(np.floor(temperature.min()), np.ceil(temperature.max()), 36)
+    lowest = np.floor(temperature.min())
+    levels = np.linspace(lowest, max(np.ceil(temperature.max()), lowest + 1.0), 36)
     filled = ScalarMappable(Normalize(levels[0], levels[-1]), "inferno")
     for index, chart in enumerate(charts.flat):
         if index >= len(times):
@@ -136,6 +137,7 @@ def draw_temperature_maps(dataset: xr.Dataset, model: Model, times: list[float])
         _centre(chart, model)
         tidy(chart, x="z [mm]", y="r [mm]", title=f"{float(at['heating_time']):g} s")
         chart.label_outer()
+    figure.suptitle(f"white: {LETHAL_DOSE_MINUTES:g} min at 43 °C; dashed: interfaces", fontsize="small", x=0.45)
     figure.colorbar(filled, ax=charts, label="temperature [°C]", ticks=MultipleLocator(5.0))
     return figure
 
@@ -165,13 +167,13 @@ def draw_sonication(dataset: xr.Dataset) -> Figure:
 
 
 def draw_lesion_on_force(field: xr.Dataset, sonication: xr.Dataset, model: Model) -> Figure:
-    """Radiation force in the liver at the end of heating, with the lesion's contour (the paper's figure of both)."""
+    """Radiation force at full power with the lesion's contour, at one time (the paper's figure of both)."""
     figure = new_figure(6.4, 3.4)
     chart = figure.subplots()
     z, both, force = _mirrored(field, "radiation_force_density")
     image = chart.pcolormesh(z, both, 1e-3 * force, cmap="viridis", shading="gouraud")
     image.set_rasterized(True)
-    figure.colorbar(image, ax=chart, label="radiation force density [kN/m³]")
+    figure.colorbar(image, ax=chart, label="radiation force density at full power [kN/m³]")
     half = 0.5 * force.max()
     chart.contour(z, both, force, [half], colors="white", linewidths=1.0, linestyles="--")
     _draw_lesion(chart, sonication, colour=COLOURS[4])

@@ -13,7 +13,7 @@ from arfjax.grid import AxisymmetricGrid
 from arfjax.laws import SMALLEST_DAMAGE
 from arfjax.protocols.sonication import SonicationResult
 from arfjax.protocols.stepwise import Heating, StepwiseProtocol, StepwiseResult
-from arfjax.thermal.bioheat import TemperatureHistory, focal_temperature
+from arfjax.thermal.bioheat import TemperatureHistory, focal_temperature, on_axis
 
 VARIABLES = {
     "pressure_amplitude": ("Pa", "peak amplitude of the pressure of each harmonic"),
@@ -111,10 +111,11 @@ def sonication_dataset(
     """Course of a sonication with feedback: maps at every output time, curves at the focus [m], the lesion's growth."""
     by_time, maps = ("heating_time",), ("heating_time", "heat_r", "heat_z")
     dose = TemperatureHistory(result.time, jnp.log(jnp.maximum(result.dose, SMALLEST_DAMAGE)))
+    on_axis_highest = jnp.max(on_axis(result.temperature, grid), axis=1)
     variables = {
         "focal_temperature": (by_time, result.focal_temperature),
         "thermocouple_temperature": (by_time, thermocouple),
-        "peak_temperature": (by_time, jnp.max(result.temperature, axis=(1, 2))),
+        "peak_temperature": (by_time, jnp.maximum(jnp.max(result.temperature, axis=(1, 2)), on_axis_highest)),
         "focal_dose": (by_time, jnp.exp(focal_temperature(dose, grid, focus))),
         "temperature": (maps, result.temperature),
         "thermal_dose": (maps, result.dose),

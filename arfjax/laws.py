@@ -25,6 +25,10 @@ from arfjax.media import FractionalZener, Scalar, Zener
 EVERYWHERE = (-math.inf, math.inf)
 """Valid range of a law that makes no claim about temperature, such as a constant."""
 
+LETHAL_DOSE_MINUTES = 240.0
+"""Dose [min] taken as the border of necrosis in soft tissue. Damianou, Hynynen & Fan, IEEE UFFC 42 (1995) 187;
+the threshold of Suomi et al. 2016 too."""
+
 SMALLEST_DAMAGE = 1e-30
 """Damage below which its logarithm is held, so that no damage has a finite one, in float32 as well."""
 
@@ -145,6 +149,21 @@ class Tabulated(TemperatureLaw):
     def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
         """Linear interpolation in the table."""
         return jnp.interp(jnp.asarray(temperature, dtype=float), self.temperatures, self.values)
+
+
+class Scaled(TemperatureLaw):
+    """Another law times a factor."""
+
+    law: TemperatureLaw
+    factor: Scalar
+
+    def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """Factor times law."""
+        return self.factor * self.law.evaluate(temperature)
+
+    def after(self, temperature: Temperature, dose: Temperature) -> Scalar | Float[Array, "..."]:
+        """Factor times law, after a dose."""
+        return self.factor * self.law.after(temperature, dose)
 
 
 class Coagulating(TemperatureLaw):

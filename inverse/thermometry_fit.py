@@ -230,13 +230,17 @@ def _starts(
         [
             rise.max() * rng.uniform(0.7, 1.4, count),
             (hottest - on) * np.exp(rng.uniform(-2.0, 1.5, count)),
-            np.exp(rng.uniform(np.log(0.5), np.log(50.0), count)),
+            np.exp(rng.uniform(np.log(1.2), np.log(50.0), count)),
             on - 0.2 * (hottest - on) * rng.uniform(-0.5, 1.0, count),
             (hottest - on) * rng.uniform(0.7, 1.3, count),
         ],
         axis=-1,
     )
     values[0] = [rise.max(), 0.5 * (hottest - on), 5.0, on, hottest - on]
+    for column, parameter in enumerate(parameters):  # what lies outside an interval has no unconstrained value
+        if isinstance(parameter.transform, LogInterval):
+            low, high = float(parameter.transform.lower), float(parameter.transform.upper)
+            values[:, column] = np.clip(values[:, column], 1.1 * low, 0.9 * high)
     return np.asarray(jax.vmap(lambda row: unconstrain(parameters, row))(values))
 
 

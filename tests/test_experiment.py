@@ -92,12 +92,17 @@ def test_the_sonication_of_the_example_and_its_choices(tmp_path):
         ("acoustic_power_w = 13.0\n", ""),
         ('field = "updated"', 'field = "frozen"'),
         ("step_s = 0.5", "step_s = 0.7"),
-        ("thickness_mm = 40.0", 'thickness_mm = 40\nheat_constants = "warming"\ncoagulation_stops_perfusion = true'),
+        (
+            "thickness_mm = 40.0",
+            'thickness_mm = 40\nheat_constants = "warming"\ncoagulation_stops_perfusion = true\n'
+            "coagulation_doubles_attenuation = true",
+        ),
     )
     described = read_experiment(write(tmp_path, text))
     plan, model = described.sonication.plan(), described.sonicated()
     assert (plan.field_tolerance, model.drive.acoustic_power, plan.phases[0].n_steps) == (np.inf, 50.0, 86)
     assert float(model.liver.perfusion_rate(37.0)) > 0.0 and float(model.liver.perfusion_rate(37.0, 1e6)) < 1e-10
+    assert float(model.liver.attenuation(40.0, 1e9)) == pytest.approx(2.0 * float(model.liver.attenuation(40.0)))
     assert float(model.liver.conductivity(90.0)) > 1.4 * float(model.liver.conductivity(37.0))
 
 
@@ -251,6 +256,14 @@ WRONG = {
     "too many steps": (
         ("step_s = 0.5", "step_s = 0.01"),
         "`sonication`: 12000 steps of step_s 0.01 are too many to keep; up to 5000",
+    ),
+    "nothing heats": (
+        ("phases = [{ duration_s = 60.0 }, {", "phases = [{ duration_s = 60.0, relative_power = 0 }, {"),
+        "`sonication`: no phase has a relative_power above 0",
+    ),
+    "an artefact that cannot last": (
+        ("time_constant_s = 0.2", "viscous_fraction = 0.5"),
+        "`sonication.thermocouple`: viscous_fraction 0.5 has no effect at viscous_time_constant_s 0",
     ),
     "percent for a share": (
         ("time_constant_s = 0.2", "viscous_fraction = 81.0"),

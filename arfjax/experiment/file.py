@@ -82,6 +82,7 @@ class LayerSection(Section):
     thickness_mm: Millimetres
     perfused: Annotated[bool, Strict()] = True
     coagulation_stops_perfusion: Annotated[bool, Strict()] = False
+    coagulation_doubles_attenuation: Annotated[bool, Strict()] = False
     heat_constants: Literal["constant", "warming"] = "constant"
 
 
@@ -230,6 +231,8 @@ def _tissue(section: LayerSection) -> tissues.Tissue:
     tissue = tissues.BY_NAME[section.tissue]()
     if section.heat_constants == "warming":
         tissue = tissues.warming(tissue)
+    if section.coagulation_doubles_attenuation:
+        tissue = tissues.attenuating(tissue)
     if section.coagulation_stops_perfusion:
         tissue = tissues.coagulating(tissue)
     return tissue if section.perfused else tissues.unperfused(tissue)

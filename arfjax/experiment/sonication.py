@@ -32,6 +32,15 @@ class ThermocoupleSection(Section):
     )
     viscous_time_constant_s: Annotated[Number, between(0.0, 60.0, "s", "give seconds")] = 0.0
 
+    @model_validator(mode="after")
+    def _artefact_can_last(self) -> "ThermocoupleSection":
+        if self.viscous_fraction > 0.0 and self.viscous_time_constant_s == 0.0:
+            raise ValueError(
+                f"viscous_fraction {self.viscous_fraction:g} has no effect at viscous_time_constant_s 0; give the time "
+                "with which the artefact drains, or no fraction"
+            )
+        return self
+
     def instrument(self) -> Thermocouple:
         """The thermocouple."""
         return Thermocouple(
@@ -57,6 +66,12 @@ class SonicationSection(Section):
     field: Literal["updated", "frozen"] = "updated"
     field_tolerance_k: Annotated[Number, between(0.1, 50.0, "K", "give kelvin")] = 2.0
     thermocouple: ThermocoupleSection = ThermocoupleSection()
+
+    @model_validator(mode="after")
+    def _something_heats(self) -> "SonicationSection":
+        if all(phase.relative_power == 0.0 for phase in self.phases):
+            raise ValueError("no phase has a relative_power above 0, so nothing is heated; leave it out or give 1")
+        return self
 
     @model_validator(mode="after")
     def _steps_can_be_kept(self) -> "SonicationSection":

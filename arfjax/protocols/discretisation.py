@@ -76,7 +76,7 @@ class Discretisation(eqx.Module):
         attenuation, sound_speed = [], []
         for layer, *values in self._by_layer(model, temperature, dose):
             for law, changes in ((layer.tissue.attenuation, attenuation), (layer.tissue.sound_speed, sound_speed)):
-                changes.append(law.held(*values) - law.held(reference, 0.0))
+                changes.append(law.held(*values) - law.after(reference, 0.0))
         return MediumVariation(
             r=self.heat_grid.r,
             z=self.heat_grid.z,

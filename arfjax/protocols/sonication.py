@@ -8,7 +8,6 @@ tolerance the field stays that of the start, the paper's way.
 from typing import Literal
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -17,14 +16,11 @@ from arfjax.acoustics.one_way import AcousticLayer, HarmonicField, solve_field
 from arfjax.model import Model
 from arfjax.protocols.discretisation import Discretisation
 from arfjax.thermal.adaptive import solve_adaptively
-from arfjax.thermal.bioheat import Phase, TemperatureHistory, focal_temperature
+from arfjax.thermal.bioheat import Phase, TemperatureHistory, boiling_time, focal_temperature
 from arfjax.thermal.conduction import Walls
 from arfjax.thermal.damage import LETHAL_DOSE_MINUTES, ArrheniusDamage, DamageLaw, accumulated_damage
 from arfjax.thermal.feedback import FROZEN, Effort, solve_with_feedback
 from arfjax.thermal.lesion import LesionSize, lesion_growth
-
-BOILING_TEMPERATURE = 100.0
-"""Temperature [degC] from which water in tissue boils, which nothing here models."""
 
 
 class FixedSteps(eqx.Module):
@@ -70,6 +66,7 @@ class SonicationResult(eqx.Module):
         lesion: Size of the region that has reached the model's lethal dose.
         heat: Heat deposition before each output time but the start [W/m^3].
         field_updates: How often the field had been computed again by each of these times.
+        boiling_time: First output time at which 100 degC are reached [s], NaN if never: see `boiling_time`.
         effort: Steps, their largest error, and whether the end was reached.
     """
 
@@ -81,13 +78,8 @@ class SonicationResult(eqx.Module):
     lesion: LesionSize
     heat: Float[Array, "step r z"]
     field_updates: Array
+    boiling_time: Float[Array, ""]
     effort: Effort
-
-    def boiling_time(self) -> Float[Array, ""]:
-        """First output time at which any cell has reached 100 degC [s], NaN if none; from there on, do not trust it."""
-        hottest = jnp.max(self.temperature, axis=(1, 2))
-        boils = (hottest >= BOILING_TEMPERATURE) & jnp.isfinite(hottest)  # infinite: not reached
-        return jnp.where(jnp.any(boils), self.time[jnp.argmax(boils)], jnp.nan)
 
 
 def sonicate(
@@ -110,7 +102,7 @@ def sonicate(
         walls: All at the start temperature when None.
 
     Accuracy: second order in the time step; the field up to `field_tolerance` late. What the field misses of a change
-    of tissue is stated in `arfjax.acoustics.variation`. Nothing boils: see `SonicationResult.boiling_time`.
+    of tissue is stated in `arfjax.acoustics.variation`. Nothing boils: see `boiling_time` of the result.
     Differentiability: forward and reverse, as `solve_with_feedback` and `solve_adaptively` say.
     """
     start, grid = sonication.start_temperature, settings.heat_grid
@@ -144,6 +136,7 @@ def sonicate(
         lesion=lesion_growth(history.dose, grid, threshold=threshold),
         heat=history.heat,
         field_updates=history.updates,
+        boiling_time=boiling_time(course, grid),
         effort=history.effort,
     )
 

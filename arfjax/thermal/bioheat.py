@@ -168,6 +168,21 @@ def focal_temperature(history: TemperatureHistory, grid: AxisymmetricGrid, z: Sc
     return values @ _lagrange_weights(positions, position)
 
 
+BOILING_TEMPERATURE = 100.0
+"""Temperature [degC] from which water in tissue boils, which nothing here models."""
+
+
+def boiling_time(history: TemperatureHistory, grid: AxisymmetricGrid) -> Float[Array, ""]:
+    """First time of `history` at which 100 degC are reached in a cell or on the axis [s], NaN if never.
+
+    From there on temperatures are not to be trusted. Infinite ones, of a run that did not come to its end, do not boil.
+    """
+    axis = jnp.max(on_axis(history.temperature, grid), axis=1)
+    hottest = jnp.maximum(jnp.max(history.temperature, axis=(1, 2)), axis)
+    boils = (hottest >= BOILING_TEMPERATURE) & jnp.isfinite(hottest)
+    return jnp.where(jnp.any(boils), history.time[jnp.argmax(boils)], jnp.nan)
+
+
 def on_axis(values: Float[Array, "*batch r z"], grid: AxisymmetricGrid) -> Float[Array, "*batch z"]:
     """Values at r = 0 of the parabolas a + b r^2 through the first two cell centres; fourth order in their radii."""
     if grid.shape[0] == 1:

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from arfjax.laws import LETHAL_DOSE_MINUTES as LETHAL_DOSE_MINUTES
 from arfjax.laws import Temperature
 from arfjax.laws import coagulated_fraction as coagulated_fraction
 from arfjax.laws import log_excess as log_excess
@@ -28,10 +29,6 @@ DOUBLINGS_PER_KELVIN_ABOVE = 1.0
 
 DOUBLINGS_PER_KELVIN_BELOW = 2.0
 """R = 0.25 below the break. Sapareto & Dewey, IJROBP 10 (1984) 787."""
-
-LETHAL_DOSE_MINUTES = 240.0
-"""Dose [min] taken as the border of necrosis in soft tissue. Damianou, Hynynen & Fan, IEEE UFFC 42 (1995) 187;
-the threshold of Suomi et al. 2016 too."""
 
 GAS_CONSTANT = 8.314462618
 """[J/(mol K)], exact in the SI of 2019."""

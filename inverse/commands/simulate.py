@@ -16,6 +16,8 @@ from arfjax import (
     Heating,
     Model,
     StepwiseResult,
+    TemperatureHistory,
+    boiling_time,
     discretise,
     layered_field,
     range_notes,
@@ -25,6 +27,7 @@ from arfjax import (
 )
 from arfjax.io import field_dataset, heating_dataset, stepwise_dataset, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
+from inverse.commands.notes import boiling_notes
 from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 
 _FIELD_RADIUS = 20e-3  # m
@@ -69,6 +72,8 @@ def simulate(
             },
         )
         notes = range_notes(model, np.asarray(result.temperature), np.asarray(result.lesion_length))
+        course = TemperatureHistory(heating.time, heating.temperature)
+        notes += boiling_notes(boiling_time(course, settings.heat_grid))
         (folder / "report.md").write_text(_report(described, data, heating, figures, notes), encoding="utf-8")
         write_summary(
             folder,

@@ -31,6 +31,7 @@ from arfjax import (
 )
 from arfjax.io import field_dataset, sonication_dataset, write_netcdf
 from inverse.commands.console import show_lines, show_table, working
+from inverse.commands.notes import boiling_notes
 from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 
 _SHOWN_RADIUS = 8e-3  # m
@@ -54,7 +55,10 @@ def sonicate_command(
         with working("sonication (the first run compiles)") as say:
             result = run_sonication(model, described, settings)
             if not bool(result.effort.converged):
-                raise InputError(f'{experiment}: the steps became too short; use `steps = "fixed"` in [sonication].')
+                raise InputError(
+                    f"{experiment}: temperatures grow without bound, or steps would have to become too short; lower "
+                    "`sonication.acoustic_power_w` or `sonication.step_s`."
+                )
             say("thermocouple and force")
             data = sonication_dataset(
                 result, settings.heat_grid, settings.focus, thermocouple_reading(model, described, settings, result)
@@ -74,7 +78,7 @@ def sonicate_command(
                 "lesion_on_force": arfjax.figures.draw_lesion_on_force(force, data.isel(heating_time=hottest), model),
             },
         )
-        notes = notes_on(model, result, data)
+        notes = notes_on(model, described, settings, result)
         rows = _rows(data, result, settings)
         (folder / "report.md").write_text(_report(described, rows, figures, notes), encoding="utf-8")
         write_summary(
@@ -112,9 +116,11 @@ def thermocouple_reading(
 def force_dataset(
     model: Model, described: Experiment, settings: Discretisation, result: SonicationResult, index: int
 ) -> xr.Dataset:
-    """The field about the focus in the tissue of one output time."""
+    """The field about the focus at full power, in the tissue of one output time."""
     r = np.arange(0.0, _SHOWN_RADIUS, _SHOWN_STEP)
-    z = settings.focus + np.arange(-_SHOWN_REACH, _SHOWN_REACH, 2.0 * _SHOWN_STEP)
+    about = settings.focus + np.arange(-_SHOWN_REACH, _SHOWN_REACH, 2.0 * _SHOWN_STEP)
+    back = model.liver_depth + model.liver_thickness
+    z = about[(about >= settings.march.start_plane) & (about <= back)]
     plan = described.sonication.plan()
     temperature, dose = result.temperature[index], result.dose[index]
     if described.sonication.field == "frozen":
@@ -135,23 +141,22 @@ def shown_times(data: xr.Dataset) -> list[float]:
     return sorted({float(time[np.argmin(np.abs(time - each))]) for each in wanted})
 
 
-def notes_on(model: Model, result: SonicationResult, data: xr.Dataset) -> list[str]:
+def notes_on(model: Model, described: Experiment, settings: Discretisation, result: SonicationResult) -> list[str]:
     """What a reader must know: boiling, heat at the border of the grid, laws beyond their range."""
-    notes = []
-    boiling = float(result.boiling_time())
-    if np.isfinite(boiling):
-        notes.append(
-            f"tissue reaches 100 degC at {boiling:g} s: it would boil, which is not simulated; do not trust what "
-            "follows."
-        )
+    notes = boiling_notes(result.boiling_time)
     temperature = np.asarray(result.temperature)
     border = max(np.abs(edge - temperature[0, 0, 0]).max() for edge in _edges(temperature))
     if border > 0.5:
         notes.append(
             f"the border of the grid warms by {border:.1f} K beside walls that are held; the walls cool the focus."
         )
-    lowest, highest = float(temperature.min()), float(data["peak_temperature"].max())
-    return notes + extrapolations(model.liver, np.asarray([lowest, highest]), name="liver")
+    owner, found = np.asarray(settings.layer_of_cell), []
+    for index in sorted(set(settings.layer_of_cell)):
+        inside = temperature[:, :, owner == index]
+        found += extrapolations(model.layers[index].tissue, inside, name=described.layers[index].tissue)
+    if found:
+        notes.append("for the field, attenuation and sound speed are held at the ends of the ranges named here:")
+    return notes + found
 
 
 def _edges(temperature: np.ndarray) -> list[np.ndarray]:
@@ -196,7 +201,7 @@ def _results(data: xr.Dataset, result: SonicationResult) -> dict[str, dict[str, 
         "lesion_length": quantity(float(last["lesion_length"]), "m"),
         "lesion_diameter": quantity(float(last["lesion_diameter"]), "m"),
         "lesion_volume": quantity(float(last["lesion_volume"]), "m3"),
-        "boiling_time": quantity(float(result.boiling_time()), "s"),
+        "boiling_time": quantity(float(result.boiling_time), "s"),
         "field_updates": quantity(float(last["field_updates"]), "1"),
         "time_steps": quantity(float(result.effort.n_steps), "1"),
     }

@@ -11,6 +11,7 @@ import pytest
 from arfjax.errors import InputError
 from arfjax.exact.bioheat import gaussian_source_rise
 from arfjax.media import ThermalMedium
+from inverse import thermometry_fit
 from inverse.datasets.shipped import shipped
 from inverse.datasets.thermometry import ThermometryData, read_thermometry
 from inverse.thermometry_fit import fit_heating
@@ -164,3 +165,13 @@ def test_single_precision_is_refused():
             fit_heating(twin(1, False))
     finally:
         jax.config.update("jax_enable_x64", True)
+
+
+@pytest.mark.parametrize("hottest", [1, 30])
+def test_every_start_lies_inside_its_bounds(hottest):
+    """Also for a course that is hottest at once."""
+    time = np.linspace(0.0, 120.0, 49)
+    rise = np.exp(-(((time - time[hottest]) / 40.0) ** 2))
+    parameters = thermometry_fit._parameters(time, rise)
+    for seed in range(50):
+        assert np.isfinite(thermometry_fit._starts(parameters, time, rise, 8, seed)).all()

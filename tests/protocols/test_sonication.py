@@ -4,7 +4,6 @@ import dataclasses
 import functools
 from pathlib import Path
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +12,7 @@ import pytest
 from arfjax import discretise, heat_deposition, read_experiment, solve_bioheat, solve_field, tissues
 from arfjax.acoustics.one_way import AcousticLayer
 from arfjax.protocols.sonication import AdaptiveSteps, Sonication, sonicate, sonication_field
-from arfjax.thermal.bioheat import Phase
+from arfjax.thermal.bioheat import Phase, TemperatureHistory, boiling_time
 from arfjax.thermal.feedback import FROZEN
 from tests.checks import assert_gradient_of_each_leaf
 
@@ -113,12 +112,31 @@ def test_field_of_hot_tissue_is_that_of_its_laws():
 
 
 def test_boiling_is_told(following):
-    assert float(following.temperature.max()) < 100.0 and np.isnan(following.boiling_time())
+    def told(temperature):
+        return float(boiling_time(TemperatureHistory(following.time, temperature), COARSE.heat_grid))
+
+    assert float(following.temperature.max()) < 100.0 and np.isnan(following.boiling_time)
     for step in (2, 3):
-        hot = eqx.tree_at(lambda each: each.temperature, following, following.temperature.at[step:, 1, 3].set(100.0))
-        assert float(hot.boiling_time()) == float(following.time[step])
-    lost = eqx.tree_at(lambda each: each.temperature, following, following.temperature.at[5:].set(jnp.inf))
-    assert np.isnan(lost.boiling_time())  # a run that did not come to its end is not one that boils
+        assert told(following.temperature.at[step:, 1, 3].set(100.0)) == float(following.time[step])
+    # Between the axis and the first cells, where cells themselves are below 100 degC.
+    assert told(following.temperature.at[3, :2, 3].set(jnp.asarray([99.5, 95.0]))) == float(following.time[3])
+    # A run that did not come to its end is not one that boils.
+    assert np.isnan(told(following.temperature.at[5:].set(jnp.inf)))
+
+
+def test_dose_changes_the_field():
+    """Liver whose attenuation doubles as it coagulates, at one temperature, before and after a lethal dose."""
+    grid, model = COARSE.heat_grid, dataclasses.replace(MODEL, liver=tissues.attenuating(MODEL.liver))
+
+    @jax.jit
+    def attenuation(dose):
+        states = jnp.full(grid.shape, 37.0), jnp.full(grid.shape, dose)
+        return sonication_field(model, Sonication(PHASES), COARSE, *states, r=grid.r, z=grid.z).attenuation[0]
+
+    inside = np.asarray(COARSE.layer_of_cell) == len(MODEL.path)
+    ratio = np.asarray(attenuation(1e8) / attenuation(0.0))
+    np.testing.assert_allclose(ratio[:, inside], 2.0, rtol=1e-4)
+    np.testing.assert_allclose(ratio[:, ~inside], 1.0, rtol=1e-12)
 
 
 def test_results_agree_with_one_another(following):

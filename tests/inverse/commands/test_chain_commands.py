@@ -81,6 +81,22 @@ def test_sonicate_warns_of_boiling(tmp_path, capfd):
     assert warning in capfd.readouterr().out and warning in (tmp_path / "out" / "report.md").read_text()
 
 
+def test_sonicate_thin_liver(tmp_path):
+    """What is drawn about the focus ends where the liver does."""
+    text = shipped("suomi2016_experiment").read_text().replace("thickness_mm = 40.0", "thickness_mm = 25.0")
+    (tmp_path / "thin.toml").write_text(text.replace("{ duration_s = 60.0 }", "{ duration_s = 1.0 }"))
+    assert run(["sonicate", str(tmp_path / "thin.toml"), "--out", str(tmp_path / "out")]) == 0
+    with xr.open_dataset(tmp_path / "out" / "force.nc", engine="h5netcdf") as force:
+        assert 67e-3 < float(force["z"].max()) <= 67.6e-3
+
+
+def test_simulate_warns_of_boiling(tmp_path, capfd):
+    text = shipped("suomi2016_experiment").read_text().replace("60.0, 65.0, 70.0]", "60.0, 101.0]")
+    (tmp_path / "hot.toml").write_text(text)
+    assert run(["simulate", str(tmp_path / "hot.toml"), "--out", str(tmp_path / "out")]) == 0
+    assert "tissue reaches 100 degC at" in (tmp_path / "out" / "report.md").read_text()
+
+
 def test_calibrate(tmp_path):
     out = tmp_path / "out"
     assert run(["calibrate", EXPERIMENT, "--hmi", str(shipped("suomi2016_hmi")), "--out", str(out)]) == 0
