@@ -102,7 +102,10 @@ BAD_CALIBRATIONS = {
     "negative": (("relative_sd = 0.25", "relative_sd = -0.25"), "must be greater than 0, got -0.25"),
     "NaN": (("relative_sd = 0.25", "relative_sd = nan"), "expected a finite number"),
     "percent": (("relative_sd = 0.25", "relative_sd = 25.0"), "must be less than or equal to 2, got 25.0"),
-    "kelvin": (("reference_temperature_c = 37.0", "reference_temperature_c = 310.15"), "`reference_temperature_c`: the value must be less than or equal to 120"),
+    "kelvin": (
+        ("reference_temperature_c = 37.0", "reference_temperature_c = 310.15"),
+        "`reference_temperature_c`: the value must be less than or equal to 120",
+    ),
     "too few anchors": ((ANCHORS, "anchor_temperatures_c = [35.0, 84.0]"), "expected one value more"),
     "too many anchors": ((ANCHORS, ANCHORS.replace("84.0", "75.0, 84.0")), "expected at most 5 values"),
     "falling anchors": ((ANCHORS, ANCHORS.replace("45.0", "65.0")), "anchor_temperatures_c must rise"),
