@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from arfjax.acoustics.intensity import heat_deposition
 from arfjax.acoustics.one_way import AcousticLayer, HarmonicField, solve_field
-from arfjax.model import Model
+from arfjax.model import DoseSize, Model
 from arfjax.protocols.discretisation import Discretisation
 from arfjax.thermal.adaptive import solve_adaptively
 from arfjax.thermal.bioheat import Phase, TemperatureHistory, boiling_time, focal_temperature
@@ -126,7 +126,9 @@ def sonicate(
         **options,
     )
     course = TemperatureHistory(history.time, history.temperature)
-    threshold = getattr(model.lesion.size, "threshold", LETHAL_DOSE_MINUTES)
+    # A lesion whose size comes from a table states no dose of its own.
+    size = model.lesion.size
+    threshold = size.threshold if isinstance(size, DoseSize) else LETHAL_DOSE_MINUTES
     return SonicationResult(
         time=history.time,
         focal_temperature=focal_temperature(course, grid, settings.focus),

@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
 from arfjax.media import Scalar
+from arfjax.numerics.interpolation import interpolation_weights
 from arfjax.thermal.conduction import CellValues, Geometry, cell_conductances, cell_geometry
 from arfjax.thermal.conduction import Convective as Convective
 from arfjax.thermal.conduction import FixedTemperature as FixedTemperature
@@ -161,11 +162,7 @@ def focal_temperature(history: TemperatureHistory, grid: AxisymmetricGrid, z: Sc
         InputError: if `z` is a number outside the grid; a traced `z` outside it stops the run.
     """
     position = _position_inside(z, grid)
-    n_points = min(4, grid.shape[1])
-    first = jnp.clip(jnp.searchsorted(grid.z, position) - n_points // 2, 0, grid.shape[1] - n_points)
-    positions = jax.lax.dynamic_slice_in_dim(jnp.asarray(grid.z), first, n_points)
-    values = jax.lax.dynamic_slice_in_dim(on_axis(history.temperature, grid), first, n_points, axis=1)
-    return values @ _lagrange_weights(positions, position)
+    return on_axis(history.temperature, grid) @ interpolation_weights(position[None], grid.z)[0]
 
 
 BOILING_TEMPERATURE = 100.0
@@ -199,12 +196,6 @@ def _position_inside(z: Scalar, grid: AxisymmetricGrid) -> Float[Array, ""]:
     if not near <= z <= far:
         raise InputError(f"{message} Got {z}.")
     return jnp.asarray(z)
-
-
-def _lagrange_weights(positions: Float[Array, " n"], z: Float[Array, ""]) -> Float[Array, " n"]:
-    same = np.eye(positions.shape[0], dtype=bool)
-    spacings = jnp.where(same, 1.0, positions[:, None] - positions[None, :])
-    return jnp.prod(jnp.where(same, 1.0, (z - positions)[None, :] / spacings), axis=1)
 
 
 def require_shapes(grid: AxisymmetricGrid, values: dict[str, CellValues]) -> None:
