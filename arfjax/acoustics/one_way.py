@@ -23,7 +23,7 @@ from jaxtyping import Array, Complex, Float
 
 from arfjax.acoustics.absorption import complex_wavenumber
 from arfjax.acoustics.diffraction import Diffraction, ExactOneWay
-from arfjax.acoustics.source import bowl_pressure
+from arfjax.acoustics.sources.radiating_bowl import RadiatingBowl
 from arfjax.acoustics.variation import MediumVariation, local_constants, step_factors
 from arfjax.errors import InputError
 from arfjax.media import AcousticMedium, Scalar
@@ -62,7 +62,7 @@ class MarchSettings(eqx.Module):
         sponge_end: Where it reaches full strength.
         sponge_strength: Full strength [Np per domain radius of axial travel]. Chosen, like the two fractions, by the
             error against O'Neil's formula about the focus, which is flat around the default.
-        n_quadrature: Gauss points of the source's integrals; see `bowl_pressure`.
+        n_quadrature: Gauss points of the source's integrals; see `radiated_pressure`.
     """
 
     n_radial: int = eqx.field(static=True, default=256)
@@ -223,8 +223,7 @@ def _start(
     source_pressure = drive.source_pressure(bowl, medium.density * medium.sound_speed)
     wavenumber = complex_wavenumber(medium, frequency)[0]
     inside = basis.nodes < settings.sponge_end * settings.domain_radius
-    pressure = bowl_pressure(
-        bowl,
+    pressure = RadiatingBowl(bowl).pressure_on_plane(
         source_pressure,
         wavenumber,
         basis.nodes[inside],
