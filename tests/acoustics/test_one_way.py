@@ -12,7 +12,10 @@ import pytest
 from arfjax.acoustics.absorption import complex_wavenumber
 from arfjax.acoustics.diffraction import ExactOneWay, Parabolic
 from arfjax.acoustics.intensity import intensity
-from arfjax.acoustics.one_way import AcousticLayer, MarchSettings, march, solve_field, transmission
+from arfjax.acoustics.layers import AcousticLayer, transmission
+from arfjax.acoustics.march import Beam, march
+from arfjax.acoustics.one_way import solve_field
+from arfjax.acoustics.settings import MarchSettings
 from arfjax.errors import InputError
 from arfjax.exact.oneil import axial_pressure
 from arfjax.media import AcousticMedium

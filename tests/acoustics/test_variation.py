@@ -14,7 +14,10 @@ import pytest
 from arfjax.acoustics.absorption import complex_wavenumber
 from arfjax.acoustics.diffraction import ExactOneWay, Parabolic
 from arfjax.acoustics.intensity import heat_deposition, intensity, radiation_force_density
-from arfjax.acoustics.one_way import AcousticLayer, MarchSettings, march, solve_field
+from arfjax.acoustics.layers import AcousticLayer
+from arfjax.acoustics.march import Beam, march
+from arfjax.acoustics.one_way import solve_field
+from arfjax.acoustics.settings import MarchSettings
 from arfjax.acoustics.variation import MediumVariation, step_factors
 from arfjax.errors import InputError
 from arfjax.media import AcousticMedium

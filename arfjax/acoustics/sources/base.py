@@ -47,6 +47,14 @@ class Source(Radiator):
         """Raise `InputError` where concrete dimensions make no sense; traced ones pass."""
 
     @abc.abstractmethod
+    def steepening_length(self, r: Radii, plane: float) -> Float[Array, " r"]:
+        """Length along which sound that crosses the plane [m] at radii `r` has steepened before [m].
+
+        It is the integral of the pressure along the ray from the source over the pressure on the plane, the amplitude
+        of the ray being that of geometrical acoustics.
+        """
+
+    @abc.abstractmethod
     def pressure_on_plane(
         self,
         source_pressure: Scalar,
@@ -82,6 +90,11 @@ class PlaneSource(Source):
     def depth(self) -> float:
         """Axial position of the plane [m]."""
         return self.plane
+
+    def steepening_length(self, r: Radii, plane: float) -> Float[Array, " r"]:
+        """None: the march starts where the field is given."""
+        del plane
+        return jnp.zeros(len(r))
 
     @abc.abstractmethod
     def extent(self, limit: float) -> tuple[Scalar, Scalar]:

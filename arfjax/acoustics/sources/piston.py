@@ -1,7 +1,7 @@
 """A flat piston."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Complex
+from jaxtyping import Array, Complex, Float
 
 from arfjax.acoustics.sources.apodisation import Apodisation
 from arfjax.acoustics.sources.base import Radii, Source, concrete
@@ -47,6 +47,10 @@ class Piston(Source):
             raise InputError(f"a piston needs 0 <= hole_radius < radius, got {hole} and {radius} m.")
         if self.apodisation is not None:
             self.apodisation.check_covers(self.hole_radius, self.radius)
+
+    def steepening_length(self, r: Radii, plane: float) -> Float[Array, " r"]:
+        """The distance of the plane: plane waves leave the disc."""
+        return jnp.full(len(r), plane)
 
     def pressure_on_plane(
         self,

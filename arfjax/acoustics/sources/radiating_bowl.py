@@ -1,7 +1,7 @@
 """The true bowl: every point of its surface radiates."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Complex
+from jaxtyping import Array, Complex, Float
 
 from arfjax.acoustics.sources.apodisation import Apodisation
 from arfjax.acoustics.sources.base import Radii, Source, concrete
@@ -44,6 +44,12 @@ class RadiatingBowl(Source):
         check_bowl(self.bowl)
         if self.apodisation is not None:
             self.apodisation.check_covers(self.bowl.hole_radius, self.bowl.aperture_radius)
+
+    def steepening_length(self, r: Radii, plane: float) -> Float[Array, " r"]:
+        """R ln(F / R), R being the distance from the focus: the pressure of a converging wave grows as 1 / R."""
+        radii, focal = jnp.asarray(r, dtype=float), jnp.asarray(self.bowl.focal_length, dtype=float)
+        distance = jnp.sqrt(radii**2 + (focal - plane) ** 2)
+        return distance * jnp.maximum(jnp.log(focal / distance), 0.0)
 
     def pressure_on_plane(
         self,
