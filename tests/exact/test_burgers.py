@@ -41,7 +41,7 @@ def test_blackstock_is_fubini_before_the_shock_and_the_sawtooth_far_beyond():
 
 
 def test_weak_shock_dissipates_the_cube_of_its_jump():
-    # The mean of P^2 falls by (2 sin Phi_s)^3 / (12 pi) per unit of sigma; the jump's tail, constant n B_n, closes the sum.
+    # The mean of P^2 falls by (2 sin Phi_s)^3 / (12 pi) per sigma; the jump's tail, constant n B_n, closes the sum.
     n = np.arange(1, 801)
 
     def energy(sigma):
