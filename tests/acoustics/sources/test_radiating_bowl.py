@@ -5,56 +5,164 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax.acoustics.sources.radiating_bowl import RadiatingBowl
+from arfjax.acoustics.sources.apodisation import Apodisation
+from arfjax.acoustics.sources.radiating_bowl import RadiatingBowl, as_source
+from arfjax.errors import InputError
+from arfjax.exact.oneil import axial_pressure
 from arfjax.transducer import FocusedBowl
-from tests.checks import assert_gradient
+from tests.acoustics.sources.problems import (
+    APERTURE,
+    BASIS,
+    BOWL,
+    COMPLEX_WAVENUMBER,
+    FOCAL,
+    HOLE,
+    WAVENUMBER,
+    advanced,
+    bowl_profile,
+    rayleigh,
+    series,
+)
+from tests.checks import assert_gradient, assert_gradient_of_each_leaf
 
-APERTURE, HOLE, FOCAL = 32e-3, 10e-3, 62.6e-3
-WAVENUMBER = 2.0 * np.pi * 1.1e6 / 1482.0
 RADII = np.array([0.0, 1e-3, 10e-3, 31.9e-3, 45e-3, 60e-3])
-
-
-def rayleigh(r, plane, wavenumber):
-    nodes, weights = np.polynomial.legendre.leggauss(500)
-    start, stop = np.arcsin(HOLE / FOCAL), np.arcsin(APERTURE / FOCAL)
-    angle = (0.5 * (start + stop) + 0.5 * (stop - start) * nodes)[:, None]
-    around = ((np.arange(1000) + 0.5) / 1000 * np.pi)[None, :]
-    ring = FOCAL * np.sin(angle)
-    distance = np.sqrt(
-        (r - ring * np.cos(around)) ** 2 + (ring * np.sin(around)) ** 2 + (plane - FOCAL * (1.0 - np.cos(angle))) ** 2
-    )
-    area = (0.5 * (stop - start) * weights)[:, None] * FOCAL * ring * 2.0 * np.pi / 1000
-    return 0.5j * wavenumber.real / np.pi * np.sum(area * np.exp(-1j * wavenumber * distance) / distance)
+# Two rings with a silent one between; within each amplitude and phase vary.
+KNOTS = np.array([10.0, 17.0, 17.0, 20.0, 20.0, 26.0, 32.0]) * 1e-3
+AMPLITUDE = np.array([0.4, 1.0, 0.0, 0.0, 1.2, 1.0, 0.3])
+PHASE = np.array([0.0, 0.6, 0.0, 0.0, -0.8, 1.5, 1.0])
 
 
 @pytest.mark.parametrize("attenuation", [0.0, 5.0])
 @pytest.mark.parametrize("plane", [11e-3, 12e-3, 40e-3])
 def test_it_is_the_rayleigh_integral(plane, attenuation):
     wavenumber = WAVENUMBER - 1j * attenuation
-    bowl = FocusedBowl(APERTURE, HOLE, FOCAL)
-    pressure = RadiatingBowl(bowl).pressure_on_plane(1.0, jnp.asarray(wavenumber), RADII, plane)
-    np.testing.assert_allclose(pressure, [rayleigh(r, plane, wavenumber) for r in RADII], rtol=0.0, atol=1e-9)
+    pressure = RadiatingBowl(BOWL).pressure_on_plane(1.0, jnp.asarray(wavenumber), RADII, plane)
+    direct = [rayleigh(r, plane, wavenumber, bowl_profile()) for r in RADII]
+    np.testing.assert_allclose(pressure, direct, rtol=0.0, atol=1e-9)
+
+
+def test_apodised_it_is_the_weighted_rayleigh_integral():
+    source = RadiatingBowl(BOWL, Apodisation(KNOTS, AMPLITUDE, PHASE))
+    pressure = source.pressure_on_plane(1.0, COMPLEX_WAVENUMBER, RADII, 12e-3)
+    direct = np.zeros(len(RADII), complex)
+    for left in np.flatnonzero(np.diff(KNOTS)):
+        ends = KNOTS[left : left + 2]
+
+        def weight(ring, left=left, ends=ends):
+            amplitude, phase = (np.interp(ring, ends, values[left : left + 2]) for values in (AMPLITUDE, PHASE))
+            return amplitude * np.exp(1j * phase)
+
+        profile = bowl_profile(weight, *ends)
+        direct += [rayleigh(r, 12e-3, WAVENUMBER, profile, n=160) for r in RADII]
+    np.testing.assert_allclose(pressure, direct, rtol=0.0, atol=1e-9)
+
+
+def test_apodisation_of_one_changes_nothing():
+    source = RadiatingBowl(BOWL, Apodisation(np.array([9.0, 20.0, 33.0]) * 1e-3, np.ones(3), np.zeros(3)))
+    plain = RadiatingBowl(BOWL)
+    source.check()
+    np.testing.assert_allclose(source.area, plain.area, rtol=1e-12)
+    np.testing.assert_allclose(series(source), series(plain), rtol=0.0, atol=1e-10)
+
+
+def test_phase_moves_the_focus_along_the_axis():
+    # The phase that turns the bowl's curvature into one 5 mm longer focuses there: a wave must start later, so the
+    # sign is that of the phase in exp(i (omega t + phase)).
+    radius = np.linspace(HOLE, APERTURE, 60)
+    depth, farther = FOCAL - np.sqrt(FOCAL**2 - radius**2), FOCAL + 5e-3
+    phase = WAVENUMBER * np.hypot(radius, farther - depth)
+    z = np.arange(55e-3, 75e-3, 0.1e-3)
+    axis = [
+        np.abs(advanced(series(source), z - 12e-3, np.zeros(1))[0])
+        for source in (RadiatingBowl(BOWL), RadiatingBowl(BOWL, Apodisation(radius, np.ones(60), phase)))
+    ]
+    peak, steered = (z[np.argmax(pressure)] for pressure in axis)
+    np.testing.assert_allclose((peak, steered), (62.1e-3, 67e-3), atol=0.3e-3)
+
+
+def test_area_counts_the_square_of_the_amplitude():
+    halves = Apodisation(np.array([10.0, 20.0, 20.0, 32.0]) * 1e-3, np.array([1.0, 1.0, 0.5, 0.5]), np.ones(4))
+    inner, outer = FocusedBowl(20e-3, HOLE, FOCAL), FocusedBowl(APERTURE, 20e-3, FOCAL)
+    np.testing.assert_allclose(RadiatingBowl(BOWL, halves).area, inner.area + 0.25 * outer.area, rtol=1e-12)
+
+
+def test_focus_is_oneils():
+    z = np.array([60e-3, 62.1e-3, 65e-3])
+    pressure = advanced(series(as_source(BOWL)), z - 12e-3, np.zeros(1))[0]
+    np.testing.assert_allclose(pressure, axial_pressure(BOWL, z, wavenumber=WAVENUMBER), rtol=5e-3)
+
+
+def test_single_precision():
+    wanted = series(RadiatingBowl(BOWL, Apodisation(KNOTS, AMPLITUDE, PHASE)))
+    with jax.enable_x64(False):
+        source = RadiatingBowl(BOWL, Apodisation(KNOTS, AMPLITUDE.astype(np.float32), PHASE.astype(np.float32)))
+        pressure = source.pressure_on_plane(1.0, jnp.asarray(WAVENUMBER, dtype=jnp.complex64), BASIS.nodes, 12e-3)
+        assert pressure.dtype == jnp.complex64
+    got = BASIS.to_series @ np.asarray(pressure, dtype=complex)
+    assert np.linalg.norm(got - wanted) < 2e-5 * np.linalg.norm(wanted)
 
 
 def radiated(parameters):
-    *dimensions, wavenumber, attenuation, source_pressure = parameters
-    bowl = FocusedBowl(*dimensions)
-    pressure = RadiatingBowl(bowl).pressure_on_plane(source_pressure, wavenumber - 1j * attenuation, RADII, 12e-3)
-    return jnp.sum(jnp.abs(pressure) ** 2)
+    dimensions, wavenumber, attenuation, source_pressure, amplitude, phase = parameters
+    source = RadiatingBowl(FocusedBowl(*dimensions), Apodisation(KNOTS, amplitude, phase))
+    pressure = source.pressure_on_plane(source_pressure, wavenumber - 1j * attenuation, RADII, 12e-3)
+    return jnp.sum(jnp.abs(pressure) ** 2) + 1e3 * source.area
 
 
-def test_gradient_in_dimensions_wavenumber_and_pressure():
-    parameters = tuple(map(jnp.asarray, (APERTURE, HOLE, FOCAL, WAVENUMBER, 1.0, 2.0)))
+def test_gradient_in_dimensions_wavenumber_pressure_amplitude_and_phase():
+    parameters = ((APERTURE, HOLE, FOCAL), WAVENUMBER, 1.0, 2.0, AMPLITUDE, PHASE)
     assert_gradient(radiated, parameters, step=2e-6)
 
 
+def test_gradient_in_each_dimension():
+    def uniform(dimensions):
+        source = RadiatingBowl(FocusedBowl(*dimensions))
+        pressure = source.pressure_on_plane(1.0, COMPLEX_WAVENUMBER, RADII, 12e-3)
+        return jnp.sum(jnp.abs(pressure) ** 2)
+
+    assert_gradient_of_each_leaf(uniform, (APERTURE, HOLE, FOCAL), step=2e-6)
+
+
 def test_gradient_is_finite_without_hole_and_loss():
-    parameters = tuple(map(jnp.asarray, (APERTURE, 0.0, FOCAL, WAVENUMBER, 0.0, 2.0)))
-    assert np.all(np.isfinite(jax.jit(jax.grad(radiated))(parameters)))
+    def solid(parameters):
+        *dimensions, wavenumber, source_pressure = parameters
+        source = RadiatingBowl(FocusedBowl(*dimensions))
+        return jnp.sum(jnp.abs(source.pressure_on_plane(source_pressure, wavenumber + 0j, RADII, 12e-3)) ** 2)
+
+    parameters = tuple(map(jnp.asarray, (APERTURE, 0.0, FOCAL, WAVENUMBER, 2.0)))
+    assert np.all(np.isfinite(jax.jit(jax.grad(solid))(parameters)))
 
 
 def test_a_plane_inside_the_bowl_gives_nan():
-    pressure = RadiatingBowl(FocusedBowl(APERTURE, HOLE, FOCAL)).pressure_on_plane(
-        1.0, jnp.asarray(WAVENUMBER + 0j), RADII, 8e-3
-    )
+    pressure = RadiatingBowl(BOWL).pressure_on_plane(1.0, COMPLEX_WAVENUMBER, RADII, 8e-3)
     assert np.all(np.isnan(pressure))
+
+
+@pytest.mark.parametrize("dimensions", [(32e-3, 40e-3, 62.6e-3), (32e-3, -1e-3, 62.6e-3), (70e-3, 0.0, 62.6e-3)])
+def test_dimensions_that_are_no_bowl_are_refused(dimensions):
+    with pytest.raises(InputError, match="a bowl needs"):
+        RadiatingBowl(FocusedBowl(*dimensions)).check()
+
+
+@pytest.mark.parametrize(
+    ("radius", "amplitude", "message"),
+    [
+        ([10.0, 32.0], [1.0, 1.0], "Millimetres"),
+        ([10e-3, 9e-3, 32e-3], [1.0] * 3, "must ascend"),
+        ([10e-3, 20e-3, 20e-3, 20e-3, 32e-3], [1.0] * 5, "must ascend"),
+        ([10e-3, 10e-3, 32e-3], [1.0] * 3, "cannot jump"),
+        ([10e-3], [1.0], "two or more"),
+        ([10e-3, np.nan], [1.0] * 2, "finite"),
+        ([10e-3, 32e-3], [1.0] * 3, "3 values for 2"),
+        ([10e-3, 32e-3], [1.0, np.nan], "not finite"),
+        ([10e-3, 30e-3], [1.0, 1.0], "does not cover"),
+    ],
+)
+def test_an_apodisation_that_cannot_be_meant_is_refused(radius, amplitude, message):
+    with pytest.raises(InputError, match=message):
+        RadiatingBowl(BOWL, Apodisation(radius, np.array(amplitude), np.zeros(len(amplitude)))).check()
+
+
+def test_traced_radii_of_an_apodisation_are_refused():
+    with pytest.raises(InputError, match="concrete"):
+        jax.jit(lambda radius: Apodisation(radius, np.ones(2), np.zeros(2)).amplitude)(np.array([HOLE, APERTURE]))
