@@ -1,6 +1,5 @@
 """The flat piston against its closed form on the axis and direct quadrature off it."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -18,8 +17,8 @@ from tests.acoustics.sources.problems import (
     FREQUENCY,
     IMPEDANCE,
     WAVENUMBER,
-    advanced,
     axial_wavenumber,
+    marched,
     rayleigh,
     series,
 )
@@ -33,8 +32,8 @@ RADIUS, HOLE = 15e-3, 4e-3
 def test_axis_is_the_closed_form(hole, attenuation):
     wavenumber = WAVENUMBER - 1j * attenuation
     z = np.array([3e-3, 10e-3, 40e-3, 76e-3])
-    field = jax.jit(lambda k, z: Piston(RADIUS, hole).pressure_on_plane(1.0, k, np.zeros(1), z)[0], static_argnums=1)
-    pressure = [field(jnp.asarray(wavenumber), position) for position in z]
+    source, wanted = Piston(RADIUS, hole), np.zeros(1)
+    pressure = [source.pressure_on_plane(1.0, jnp.asarray(wavenumber), wanted, plane)[0] for plane in z.tolist()]
     exact = axial_pressure(z, radius=RADIUS, wavenumber=wavenumber, hole_radius=hole)
     np.testing.assert_allclose(pressure, exact, rtol=0.0, atol=1e-9)
 
@@ -60,11 +59,10 @@ def test_off_the_axis_it_is_the_rayleigh_integral():
     np.testing.assert_allclose(pressure, direct, rtol=0.0, atol=1e-9)
 
 
-def test_march_from_a_plane_reaches_the_last_maximum():
-    last_maximum = RADIUS**2 * WAVENUMBER / (2.0 * np.pi) - 0.25 * 2.0 * np.pi / WAVENUMBER
-    pressure = advanced(series(Piston(RADIUS), plane=10e-3), np.array([last_maximum - 10e-3]), np.zeros(1))
-    # What the plane's edge at 62 mm cuts off comes back weakly.
-    np.testing.assert_allclose(np.abs(pressure[0, 0]), 2.0, rtol=0.02)
+def test_march_from_a_plane_follows_the_axis():
+    z = np.array([50e-3, 80e-3, 110e-3, RADIUS**2 * WAVENUMBER / (2.0 * np.pi)])
+    pressure = marched(series(Piston(RADIUS), plane=10e-3), z - 10e-3, np.zeros(1))[0]
+    np.testing.assert_allclose(pressure, axial_pressure(z, radius=RADIUS, wavenumber=WAVENUMBER), rtol=0, atol=0.02)
 
 
 def test_power_is_that_of_the_area():
@@ -82,7 +80,7 @@ def test_gradient_in_radii_and_wavenumber():
         pressure = Piston(radius, hole).pressure_on_plane(1.0, wavenumber - 2j, np.array([0.0, 7e-3, 20e-3]), 6e-3)
         return jnp.sum(jnp.abs(pressure) ** 2)
 
-    assert_gradient_of_each_leaf(radiated, (RADIUS, HOLE, WAVENUMBER), step=3e-6)
+    assert_gradient_of_each_leaf(radiated, (RADIUS, HOLE, WAVENUMBER), step=3e-6, reverse=False)
 
 
 @pytest.mark.parametrize(("radius", "hole"), [(15e-3, 16e-3), (15e-3, -1e-3), (-1e-3, 0.0)])

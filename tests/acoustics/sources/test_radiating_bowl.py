@@ -12,18 +12,17 @@ from arfjax.exact.oneil import axial_pressure
 from arfjax.transducer import FocusedBowl
 from tests.acoustics.sources.problems import (
     APERTURE,
-    BASIS,
     BOWL,
     COMPLEX_WAVENUMBER,
     FOCAL,
     HOLE,
     WAVENUMBER,
-    advanced,
     bowl_profile,
+    marched,
     rayleigh,
     series,
 )
-from tests.checks import assert_gradient, assert_gradient_of_each_leaf
+from tests.checks import assert_gradient_of_each_leaf
 
 RADII = np.array([0.0, 1e-3, 10e-3, 31.9e-3, 45e-3, 60e-3])
 # Two rings with a silent one between; within each amplitude and phase vary.
@@ -73,7 +72,7 @@ def test_phase_moves_the_focus_along_the_axis():
     phase = WAVENUMBER * np.hypot(radius, farther - depth)
     z = np.arange(55e-3, 75e-3, 0.1e-3)
     axis = [
-        np.abs(advanced(series(source), z - 12e-3, np.zeros(1))[0])
+        np.abs(marched(series(source), z - 12e-3, np.zeros(1))[0])
         for source in (RadiatingBowl(BOWL), RadiatingBowl(BOWL, Apodisation(radius, np.ones(60), phase)))
     ]
     peak, steered = (z[np.argmax(pressure)] for pressure in axis)
@@ -88,39 +87,28 @@ def test_area_counts_the_square_of_the_amplitude():
 
 def test_focus_is_oneils():
     z = np.array([60e-3, 62.1e-3, 65e-3])
-    pressure = advanced(series(as_source(BOWL)), z - 12e-3, np.zeros(1))[0]
+    pressure = marched(series(as_source(BOWL)), z - 12e-3, np.zeros(1))[0]
     np.testing.assert_allclose(pressure, axial_pressure(BOWL, z, wavenumber=WAVENUMBER), rtol=5e-3)
 
 
 def test_single_precision():
-    wanted = series(RadiatingBowl(BOWL, Apodisation(KNOTS, AMPLITUDE, PHASE)))
+    wanted = RadiatingBowl(BOWL).pressure_on_plane(1.0, COMPLEX_WAVENUMBER, RADII, 12e-3)
     with jax.enable_x64(False):
-        source = RadiatingBowl(BOWL, Apodisation(KNOTS, AMPLITUDE.astype(np.float32), PHASE.astype(np.float32)))
-        pressure = source.pressure_on_plane(1.0, jnp.asarray(WAVENUMBER, dtype=jnp.complex64), BASIS.nodes, 12e-3)
+        pressure = RadiatingBowl(BOWL).pressure_on_plane(1.0, COMPLEX_WAVENUMBER.astype("complex64"), RADII, 12e-3)
         assert pressure.dtype == jnp.complex64
-    got = BASIS.to_series @ np.asarray(pressure, dtype=complex)
-    assert np.linalg.norm(got - wanted) < 2e-5 * np.linalg.norm(wanted)
-
-
-def radiated(parameters):
-    dimensions, wavenumber, attenuation, source_pressure, amplitude, phase = parameters
-    source = RadiatingBowl(FocusedBowl(*dimensions), Apodisation(KNOTS, amplitude, phase))
-    pressure = source.pressure_on_plane(source_pressure, wavenumber - 1j * attenuation, RADII, 12e-3)
-    return jnp.sum(jnp.abs(pressure) ** 2) + 1e3 * source.area
+    np.testing.assert_allclose(pressure, wanted, rtol=0.0, atol=2e-5)
 
 
 def test_gradient_in_dimensions_wavenumber_pressure_amplitude_and_phase():
+    def radiated(parameters):
+        dimensions, wavenumber, attenuation, source_pressure, amplitude, phase = parameters
+        source = RadiatingBowl(FocusedBowl(*dimensions), Apodisation(KNOTS, amplitude, phase))
+        wavenumber = wavenumber - 1j * attenuation
+        pressure = source.pressure_on_plane(source_pressure, wavenumber, RADII[:4], 12e-3, n_quadrature=220)
+        return jnp.sum(jnp.abs(pressure) ** 2) + 1e3 * source.area
+
     parameters = ((APERTURE, HOLE, FOCAL), WAVENUMBER, 1.0, 2.0, AMPLITUDE, PHASE)
-    assert_gradient(radiated, parameters, step=2e-6)
-
-
-def test_gradient_in_each_dimension():
-    def uniform(dimensions):
-        source = RadiatingBowl(FocusedBowl(*dimensions))
-        pressure = source.pressure_on_plane(1.0, COMPLEX_WAVENUMBER, RADII, 12e-3)
-        return jnp.sum(jnp.abs(pressure) ** 2)
-
-    assert_gradient_of_each_leaf(uniform, (APERTURE, HOLE, FOCAL), step=2e-6)
+    assert_gradient_of_each_leaf(radiated, parameters, step=3e-6)
 
 
 def test_gradient_is_finite_without_hole_and_loss():
@@ -161,8 +149,3 @@ def test_dimensions_that_are_no_bowl_are_refused(dimensions):
 def test_an_apodisation_that_cannot_be_meant_is_refused(radius, amplitude, message):
     with pytest.raises(InputError, match=message):
         RadiatingBowl(BOWL, Apodisation(radius, np.array(amplitude), np.zeros(len(amplitude)))).check()
-
-
-def test_traced_radii_of_an_apodisation_are_refused():
-    with pytest.raises(InputError, match="concrete"):
-        jax.jit(lambda radius: Apodisation(radius, np.ones(2), np.zeros(2)).amplitude)(np.array([HOLE, APERTURE]))
