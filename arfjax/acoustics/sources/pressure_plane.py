@@ -45,7 +45,7 @@ class PressurePlane(PlaneSource):
     """
 
     radius: tuple[float, ...] = eqx.field(static=True, converter=as_radii)
-    pressure: Complex[Array, " n"] | Complex[np.ndarray, " n"]
+    pressure: Complex[Array, " _"] | Complex[np.ndarray, " _"]
     plane: float = eqx.field(static=True)
     taper: float = eqx.field(static=True, default=0.0)
 

@@ -13,6 +13,8 @@ FREQUENCY, DENSITY, SOUND_SPEED = 1.1e6, 1000.0, 1482.0
 IMPEDANCE = DENSITY * SOUND_SPEED
 WAVENUMBER = 2.0 * np.pi * FREQUENCY / SOUND_SPEED
 COMPLEX_WAVENUMBER = jnp.asarray(WAVENUMBER + 0j)
+RADII = np.array([0.0, 1e-3, 10e-3, 31.9e-3, 45e-3, 60e-3])
+"""Of many tests: as many each time, since every new shape is compiled anew."""
 BASIS = hankel_basis(256, 62e-3)
 
 
@@ -23,15 +25,15 @@ def axial_wavenumber(basis=BASIS, diffraction=ExactOneWay()):  # noqa: B008  fro
 def series(source, basis=BASIS, plane=12e-3):
     """Coefficients of a source on its own plane, or of a surface's field on `plane`, faded out beyond 34 mm."""
     if source.is_on_plane:
-        return np.asarray(source.series(1.0, COMPLEX_WAVENUMBER, basis))
+        return source.series(1.0, COMPLEX_WAVENUMBER, basis)
     pressure = source.pressure_on_plane(1.0, COMPLEX_WAVENUMBER, basis.nodes, plane)
-    return basis.to_series @ (np.asarray(pressure) * np.cos(0.5 * np.pi * _sponge_depth(basis)) ** 2)
+    return jnp.asarray(basis.to_series @ (np.asarray(pressure) * np.cos(0.5 * np.pi * _sponge_depth(basis)) ** 2))
 
 
 def marched(coefficients, distance, r, basis=BASIS, diffraction=ExactOneWay(), step=0.5e-3):  # noqa: B008
     """The field (r, z) at ascending distances from the plane, in water with a sponge, by plain numpy."""
     axial, rate = np.asarray(axial_wavenumber(basis, diffraction)[0]), 400.0 / basis.radius * _sponge_depth(basis) ** 2
-    columns, position = [], 0.0
+    coefficients, columns, position = np.asarray(coefficients), [], 0.0
     for end in distance:
         count = max(1, int(np.ceil((end - position) / step)))
         length, position = (end - position) / count, end

@@ -59,7 +59,7 @@ def fine():
 
 
 def test_more_terms_leave_the_field_as_it_is(fine):
-    distance, r = np.array([3e-3, 20e-3, 53e-3]), np.array([0.0, 3e-3])
+    distance, r = np.array([3e-3, 15e-3]), np.array([0.0, 3e-3])
     np.testing.assert_allclose(
         marched(series(SOURCE), distance, r, step=1e-3),
         marched(series(SOURCE, fine), distance, r, fine, step=1e-3),

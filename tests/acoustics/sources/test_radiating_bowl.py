@@ -16,15 +16,14 @@ from tests.acoustics.sources.problems import (
     COMPLEX_WAVENUMBER,
     FOCAL,
     HOLE,
+    RADII,
     WAVENUMBER,
     bowl_profile,
     marched,
     rayleigh,
     series,
 )
-from tests.checks import assert_gradient_of_each_leaf
 
-RADII = np.array([0.0, 1e-3, 10e-3, 31.9e-3, 45e-3, 60e-3])
 # Two rings with a silent one between; within each amplitude and phase vary.
 KNOTS = np.array([10.0, 17.0, 17.0, 20.0, 20.0, 26.0, 32.0]) * 1e-3
 AMPLITUDE = np.array([0.4, 1.0, 0.0, 0.0, 1.2, 1.0, 0.3])
@@ -57,26 +56,12 @@ def test_apodised_it_is_the_weighted_rayleigh_integral():
 
 
 def test_apodisation_of_one_changes_nothing():
-    source = RadiatingBowl(BOWL, Apodisation(np.array([9.0, 20.0, 33.0]) * 1e-3, np.ones(3), np.zeros(3)))
+    ones = RadiatingBowl(BOWL, Apodisation(KNOTS, np.ones(7), np.zeros(7)))
     plain = RadiatingBowl(BOWL)
-    source.check()
-    np.testing.assert_allclose(source.area, plain.area, rtol=1e-12)
-    np.testing.assert_allclose(series(source), series(plain), rtol=0.0, atol=1e-10)
-
-
-def test_phase_moves_the_focus_along_the_axis():
-    # The phase that turns the bowl's curvature into one 5 mm longer focuses there: a wave must start later, so the
-    # sign is that of the phase in exp(i (omega t + phase)).
-    radius = np.linspace(HOLE, APERTURE, 60)
-    depth, farther = FOCAL - np.sqrt(FOCAL**2 - radius**2), FOCAL + 5e-3
-    phase = WAVENUMBER * np.hypot(radius, farther - depth)
-    z = np.arange(55e-3, 75e-3, 0.1e-3)
-    axis = [
-        np.abs(marched(series(source), z - 12e-3, np.zeros(1))[0])
-        for source in (RadiatingBowl(BOWL), RadiatingBowl(BOWL, Apodisation(radius, np.ones(60), phase)))
-    ]
-    peak, steered = (z[np.argmax(pressure)] for pressure in axis)
-    np.testing.assert_allclose((peak, steered), (62.1e-3, 67e-3), atol=0.3e-3)
+    ones.check()
+    fields = [source.pressure_on_plane(1.0, COMPLEX_WAVENUMBER, RADII, 12e-3) for source in (ones, plain)]
+    np.testing.assert_allclose(*fields, rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(ones.area, plain.area, rtol=1e-12)
 
 
 def test_area_counts_the_square_of_the_amplitude():
@@ -96,29 +81,49 @@ def test_single_precision():
     with jax.enable_x64(False):
         pressure = RadiatingBowl(BOWL).pressure_on_plane(1.0, COMPLEX_WAVENUMBER.astype("complex64"), RADII, 12e-3)
         assert pressure.dtype == jnp.complex64
-    np.testing.assert_allclose(pressure, wanted, rtol=0.0, atol=2e-5)
+    np.testing.assert_allclose(pressure, wanted, rtol=0.0, atol=5e-5)
 
 
-def test_gradient_in_dimensions_wavenumber_pressure_amplitude_and_phase():
-    def radiated(parameters):
-        dimensions, wavenumber, attenuation, source_pressure, amplitude, phase = parameters
-        source = RadiatingBowl(FocusedBowl(*dimensions), Apodisation(KNOTS, amplitude, phase))
-        wavenumber = wavenumber - 1j * attenuation
-        pressure = source.pressure_on_plane(source_pressure, wavenumber, RADII[:4], 12e-3, n_quadrature=220)
-        return jnp.sum(jnp.abs(pressure) ** 2) + 1e3 * source.area
-
-    parameters = ((APERTURE, HOLE, FOCAL), WAVENUMBER, 1.0, 2.0, AMPLITUDE, PHASE)
-    assert_gradient_of_each_leaf(radiated, parameters, step=3e-6)
+def radiated(parameters):
+    dimensions, wavenumber, attenuation, source_pressure, amplitude, phase = parameters
+    source = RadiatingBowl(FocusedBowl(*dimensions), Apodisation(KNOTS, amplitude, phase))
+    wavenumber = wavenumber - 1j * attenuation
+    pressure = source.pressure_on_plane(source_pressure, wavenumber, RADII[:4], 12e-3, n_quadrature=220)
+    return jnp.sum(jnp.abs(pressure) ** 2) + 1e3 * source.area
 
 
-def test_gradient_is_finite_without_hole_and_loss():
-    def solid(parameters):
-        *dimensions, wavenumber, source_pressure = parameters
-        source = RadiatingBowl(FocusedBowl(*dimensions))
-        return jnp.sum(jnp.abs(source.pressure_on_plane(source_pressure, wavenumber + 0j, RADII, 12e-3)) ** 2)
+PARAMETERS = jax.tree.map(jnp.asarray, ((APERTURE, HOLE, FOCAL), WAVENUMBER, 1.0, 2.0, AMPLITUDE, PHASE))
 
-    parameters = tuple(map(jnp.asarray, (APERTURE, 0.0, FOCAL, WAVENUMBER, 2.0)))
-    assert np.all(np.isfinite(jax.jit(jax.grad(solid))(parameters)))
+
+@pytest.fixture(scope="module")
+def value_and_gradient():
+    return jax.jit(jax.value_and_grad(radiated))
+
+
+def test_gradient_in_dimensions_wavenumber_pressure_amplitude_and_phase(value_and_gradient):
+    # As `assert_gradient_of_each_leaf`, with two compilations in all.
+    leaves, structure = jax.tree.flatten(PARAMETERS)
+    gradient = jax.tree.leaves(value_and_gradient(PARAMETERS)[1])
+    forward = jax.jit(lambda direction: jax.jvp(radiated, (PARAMETERS,), (direction,))[1])
+    for index, leaf in enumerate(leaves):
+        pick = [leaf if other == index else jnp.zeros_like(value) for other, value in enumerate(leaves)]
+        reverse = jnp.sum(gradient[index] * leaf)
+        np.testing.assert_allclose(reverse, forward(structure.unflatten(pick)), rtol=1e-10)
+
+        def along(length, pick=pick):
+            moved = [value + length * change for value, change in zip(leaves, pick, strict=True)]
+            return float(value_and_gradient(structure.unflatten(moved))[0])
+
+        step = 3e-6 if index < 4 else 1e-3
+        central = (8.0 * (along(step) - along(-step)) - along(2.0 * step) + along(-2.0 * step)) / (12.0 * step)
+        np.testing.assert_allclose(reverse, central, rtol=1e-6, err_msg=str(index))
+
+
+def test_gradient_is_finite_without_hole_and_loss(value_and_gradient):
+    _, *others = PARAMETERS
+    others[1] = jnp.asarray(0.0)
+    _, gradient = value_and_gradient((tuple(map(jnp.asarray, (APERTURE, 0.0, FOCAL))), *others))
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
 
 
 def test_a_plane_inside_the_bowl_gives_nan():
