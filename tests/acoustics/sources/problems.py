@@ -48,13 +48,13 @@ def _sponge_depth(basis):
     return np.clip((basis.nodes / basis.radius - 0.55) / 0.42, 0.0, 1.0)
 
 
-def rayleigh(r, plane, wavenumber, profile, n=500):
+def rayleigh(r, plane, wavenumber, profile, n=240):
     """Direct sum over a surface: `profile(points on [0, 1])` gives radius, depth, length and weight of its rings."""
     nodes, weights = np.polynomial.legendre.leggauss(n)
     ring, depth, length, weight = (values[:, None] for values in profile(0.5 * (nodes + 1.0)))
-    around = ((np.arange(1000) + 0.5) / 1000 * np.pi)[None, :]
+    around = ((np.arange(500) + 0.5) / 500 * np.pi)[None, :]
     distance = np.sqrt((r - ring * np.cos(around)) ** 2 + (ring * np.sin(around)) ** 2 + (plane - depth) ** 2)
-    area = weight * length * 0.5 * weights[:, None] * ring * 2.0 * np.pi / 1000
+    area = weight * length * 0.5 * weights[:, None] * ring * 2.0 * np.pi / 500
     return 0.5j * wavenumber.real / np.pi * np.sum(area * np.exp(-1j * wavenumber * distance) / distance)
 
 
