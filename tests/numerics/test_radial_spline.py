@@ -23,3 +23,11 @@ def test_it_keeps_the_samples_and_even_parabolas(first):
     np.testing.assert_allclose(even_spline_matrix(radii, radii), np.eye(9), atol=1e-14)
     points = np.linspace(0.0, 8.0, 50)
     np.testing.assert_allclose(even_spline_matrix(points, radii) @ (3.0 - radii**2), 3.0 - points**2, atol=1e-12)
+
+
+@pytest.mark.parametrize("first", [0.0, 0.5])
+def test_it_is_level_on_the_axis_whatever_the_samples(first):
+    samples = np.random.default_rng(0).normal(size=9)
+    value, *near = even_spline_matrix(np.array([0.0, 1e-3, 2e-3]), first + np.arange(9.0)) @ samples
+    # A slope s would give s times the distance; what is even goes with its square.
+    np.testing.assert_allclose((near[1] - value) / (near[0] - value), 4.0, rtol=5e-3)
