@@ -11,6 +11,8 @@ whose Rayleigh integral is held against O'Neil's formula. Plain numpy in double 
 
 import argparse
 import dataclasses
+import functools
+from collections.abc import Callable
 from pathlib import Path
 
 import jax
@@ -26,8 +28,10 @@ BOWL, FREQUENCY = FocusedBowl(32e-3, 10e-3, 62.6e-3), 1.1e6
 RADIUS = 62e-3
 """Radius of the domain [m]."""
 RIM = 62.6e-3 - (62.6e-3**2 - 32e-3**2) ** 0.5
-STARTS = {"T1": (RIM, 150), "T2": (RIM + 0.5e-3, 147)}
-"""Where the march starts for each source [m], and its steps in water."""
+STARTS = {"T1": (RIM, 150), "T2": (RIM + 0.5e-3, 147), "T3": (RIM + 0.5e-3, 147)}
+"""Where the march starts in each case [m], and its steps in water. T3 is T2 steepening along the ray."""
+STEEPEST = 0.6
+"""Cosine of the steepest ray whose path counts in T3; the bowl's steepest has 0.86."""
 T1_PRESSURE_AT_50_W = 209135.8
 """Pressure of T1 on the sphere of the bowl [Pa]."""
 SPONGE_START, SPONGE_END, SPONGE_RATE = 44e-3, 60e-3, 400.0 / RADIUS
@@ -65,6 +69,13 @@ class Medium:
         root = np.sqrt(inside[None, :] ** 2 - radial[:, None] ** 2 + 0j)
         return np.where(root.imag > 0.0, -root, root) + beside
 
+    def path(self, radial: np.ndarray, source: str) -> np.ndarray | None:
+        """Path per axial distance along which a component steepens: k / k_z, as Westervelt's equation has it."""
+        if source != "T3":
+            return None
+        sine = radial[:, None] / self.wavenumber.real[None, :]
+        return 1.0 / np.sqrt(1.0 - np.minimum(sine**2, 1.0 - STEEPEST**2))
+
 
 class Series:
     """Bessel series on the disc, and its nodes."""
@@ -84,7 +95,7 @@ def apply(matrix: np.ndarray, values: np.ndarray) -> np.ndarray:
     return (matrix @ np.ascontiguousarray(values).view(float)).view(complex)
 
 
-def slope(series: Series, medium: Medium, amplitude: np.ndarray) -> np.ndarray:
+def slope(series: Series, medium: Medium, path: np.ndarray | None, amplitude: np.ndarray) -> np.ndarray:
     """Rate of change of the coefficients by nonlinearity and the ring."""
     n = amplitude.shape[1]
     pressure = apply(series.from_series, amplitude)
@@ -93,17 +104,19 @@ def slope(series: Series, medium: Medium, amplitude: np.ndarray) -> np.ndarray:
     spectrum[:, 1 : n + 1] = pressure * (0.5 * n_times)  # a real part of a sum: half at either sign of frequency
     squared = fft.rfft(fft.irfft(spectrum, n=n_times, axis=1) ** 2, axis=1)[:, 1 : n + 1] * (2.0 / n_times)
     omega = 2j * np.pi * FREQUENCY * np.arange(1, n + 1)
-    rate = medium.steepening * omega[None, :] * squared - series.sponge[:, None] * pressure
-    return apply(series.to_series, rate)
+    steepened, absorbed = medium.steepening * omega[None, :] * squared, series.sponge[:, None] * pressure
+    if path is None:
+        return apply(series.to_series, steepened - absorbed)
+    return path[:, :n] * apply(series.to_series, steepened) - apply(series.to_series, absorbed)
 
 
-def advance(series: Series, medium: Medium, amplitude: np.ndarray, half: np.ndarray, length: float) -> np.ndarray:
-    """One step; `half` is the exact factor over half of it."""
-    first = slope(series, medium, amplitude)
+def advance(rate: Callable[[np.ndarray], np.ndarray], amplitude: np.ndarray, half: np.ndarray, length: float):
+    """One step of what changes at `rate`; `half` is the exact factor over half of it."""
+    first = rate(amplitude)
     moved = half * amplitude
-    second = slope(series, medium, moved + half * first * (0.5 * length))
-    third = slope(series, medium, moved + second * (0.5 * length))
-    fourth = slope(series, medium, half * (moved + third * length))
+    second = rate(moved + half * first * (0.5 * length))
+    third = rate(moved + second * (0.5 * length))
+    fourth = rate(half * (moved + third * length))
     return half * (moved + length / 6.0 * (half * first + 2.0 * (second + third))) + length / 6.0 * fourth
 
 
@@ -184,8 +197,9 @@ def solve(source: str, power: float, n_harmonics: int, n_nodes: int, refine: int
             amplitude = amplitude * (2.0 * medium.impedance / (before.impedance + medium.impedance))
         length = (end - depth) / (n_steps * refine)
         half = np.exp(-0.5j * length * medium.axial_wavenumber(series.radial, source))
+        rate = functools.partial(slope, series, medium, medium.path(series.radial, source))
         for index in range(1, n_steps * refine + 1):
-            amplitude[:, :live] = advance(series, medium, amplitude[:, :live], half[:, :live], length)
+            amplitude[:, :live] = advance(rate, amplitude[:, :live], half[:, :live], length)
             if np.abs(amplitude[:, live - 1 : live]).max() > LIVE * source_pressure:
                 live = min(live + 4, n_harmonics)
             record.add(depth + index * length, amplitude.sum(axis=0), medium, heats=name != "water")
@@ -228,7 +242,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
     if asked.out is None and asked.power != 150.0:
-        parser.error("--out is needed for another power: the fields at 50 W here are of another code.")
+        parser.error("--out is needed for another power: some fields at 50 W here are of another code.")
     jax.config.update("jax_enable_x64", True)
     result = solve(asked.source, asked.power, asked.harmonics, asked.nodes, asked.refine)
     np.savez_compressed(asked.out or HERE / f"{asked.source}_P150.npz", **result)
