@@ -21,6 +21,7 @@ class AcousticMedium(eqx.Module):
         attenuation: Amplitude attenuation coefficient at 1 MHz [Np/m].
         absorption_exponent: Power of frequency with which attenuation grows, y in alpha f^y [1].
         nonlinearity_parameter: B/A [1].
+        absorption_fraction: Share of attenuation that is absorption and heats; the rest scatters [1].
     """
 
     density: Scalar
@@ -28,6 +29,7 @@ class AcousticMedium(eqx.Module):
     attenuation: Scalar
     absorption_exponent: Scalar
     nonlinearity_parameter: Scalar
+    absorption_fraction: Scalar = 1.0
 
     def attenuation_at(self, frequency: Scalar) -> Scalar:
         """Amplitude attenuation coefficient [Np/m] at a frequency [Hz]."""

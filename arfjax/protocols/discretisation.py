@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from arfjax.acoustics.one_way import MarchSettings
+from arfjax.acoustics.settings import MarchSettings
 from arfjax.acoustics.variation import MediumVariation
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid, graded_positions

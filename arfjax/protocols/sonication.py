@@ -12,7 +12,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from arfjax.acoustics.intensity import heat_deposition
-from arfjax.acoustics.one_way import AcousticLayer, HarmonicField, solve_field
+from arfjax.acoustics.field import HarmonicField
+from arfjax.acoustics.layers import AcousticLayer
+from arfjax.acoustics.one_way import solve_field
 from arfjax.model import DoseSize, Model
 from arfjax.protocols.discretisation import Discretisation
 from arfjax.thermal.adaptive import solve_adaptively

@@ -16,7 +16,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from arfjax.acoustics.intensity import heat_deposition, radiation_force_density
-from arfjax.acoustics.one_way import AcousticLayer, HarmonicField, solve_field
+from arfjax.acoustics.field import HarmonicField
+from arfjax.acoustics.layers import AcousticLayer
+from arfjax.acoustics.one_way import solve_field
 from arfjax.laws import extrapolations
 from arfjax.mechanics.dynamics import PushResult, PushSettings, solve_push
 from arfjax.mechanics.material import ellipsoid_depth, liver_with_lesion

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from arfjax.acoustics.intensity import heat_deposition, intensity, radiation_force_density
-from arfjax.acoustics.one_way import HarmonicField
+from arfjax.acoustics.field import HarmonicField
 
 Z = np.linspace(0.0, 0.1, 2001)
 ALPHA = np.array([4.0, 9.0])

@@ -14,7 +14,10 @@ import pytest
 from arfjax.acoustics.absorption import complex_wavenumber
 from arfjax.acoustics.diffraction import ExactOneWay, Parabolic
 from arfjax.acoustics.intensity import heat_deposition, intensity, radiation_force_density
-from arfjax.acoustics.one_way import AcousticLayer, MarchSettings, march, solve_field
+from arfjax.acoustics.layers import AcousticLayer
+from arfjax.acoustics.march import Beam, march
+from arfjax.acoustics.one_way import solve_field
+from arfjax.acoustics.settings import MarchSettings
 from arfjax.acoustics.variation import MediumVariation, step_factors
 from arfjax.errors import InputError
 from arfjax.media import AcousticMedium
@@ -87,16 +90,27 @@ def beam(variation, step, *, diffraction=ExactOneWay(), medium=WATER):  # noqa: 
 
     @jax.jit
     def run():
-        kz = diffraction.axial_wavenumber(complex_wavenumber(medium, FREQUENCY), jnp.asarray(basis.wavenumbers))
-        factors = step_factors(variation, medium, (0.0, 0.1), FREQUENCY, basis.nodes, positions)
-        return march(jnp.asarray(start)[None], kz, positions, basis, lambda pressure, _: pressure, factors)
+        wavenumber, radial = complex_wavenumber(medium, FREQUENCY), jnp.asarray(basis.wavenumbers)
+        kz, path = diffraction.axial_wavenumber(wavenumber, radial), diffraction.path(wavenumber.real, radial)
+        marched = march(
+            Beam(amplitude := jnp.asarray(start)[:, None], None if path is None else jnp.zeros_like(amplitude)),
+            positions,
+            np.arange(len(positions)) % every == 0,
+            axial_wavenumber=kz,
+            path=path,
+            basis=basis,
+            evaluation=jnp.eye(144),  # the coefficients themselves
+            physical=lambda pressure, _: pressure,
+            factors=step_factors(variation, medium, (0.0, 0.1), FREQUENCY, basis.nodes, positions),
+        )
+        return marched.pressure[..., 0]
 
-    return basis, np.asarray(run()[::every])
+    return basis, np.asarray(run())
 
 
 def axis(variation, step, **options):
     """Pressure of that beam on the axis, in its own units."""
-    return beam(variation, step, **options)[1].sum(axis=(1, 2))
+    return beam(variation, step, **options)[1].sum(axis=1)
 
 
 def relative(values, reference):

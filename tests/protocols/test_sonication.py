@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from arfjax import discretise, heat_deposition, read_experiment, solve_bioheat, solve_field, tissues
-from arfjax.acoustics.one_way import AcousticLayer
+from arfjax.acoustics.layers import AcousticLayer
 from arfjax.protocols.sonication import AdaptiveSteps, Sonication, sonicate, sonication_field
 from arfjax.thermal.bioheat import Phase, TemperatureHistory, boiling_time
 from arfjax.thermal.feedback import FROZEN

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax.acoustics.source import bowl_pressure
+from arfjax.acoustics.sources.radiating_bowl import RadiatingBowl
 from arfjax.transducer import FocusedBowl
 from tests.checks import assert_gradient
 
@@ -32,14 +32,14 @@ def rayleigh(r, plane, wavenumber):
 def test_it_is_the_rayleigh_integral(plane, attenuation):
     wavenumber = WAVENUMBER - 1j * attenuation
     bowl = FocusedBowl(APERTURE, HOLE, FOCAL)
-    pressure = bowl_pressure(bowl, 1.0, jnp.asarray(wavenumber), RADII, plane)
+    pressure = RadiatingBowl(bowl).pressure_on_plane(1.0, jnp.asarray(wavenumber), RADII, plane)
     np.testing.assert_allclose(pressure, [rayleigh(r, plane, wavenumber) for r in RADII], rtol=0.0, atol=1e-9)
 
 
 def radiated(parameters):
     *dimensions, wavenumber, attenuation, source_pressure = parameters
     bowl = FocusedBowl(*dimensions)
-    pressure = bowl_pressure(bowl, source_pressure, wavenumber - 1j * attenuation, RADII, 12e-3)
+    pressure = RadiatingBowl(bowl).pressure_on_plane(source_pressure, wavenumber - 1j * attenuation, RADII, 12e-3)
     return jnp.sum(jnp.abs(pressure) ** 2)
 
 
@@ -54,5 +54,7 @@ def test_gradient_is_finite_without_hole_and_loss():
 
 
 def test_a_plane_inside_the_bowl_gives_nan():
-    pressure = bowl_pressure(FocusedBowl(APERTURE, HOLE, FOCAL), 1.0, jnp.asarray(WAVENUMBER + 0j), RADII, 8e-3)
+    pressure = RadiatingBowl(FocusedBowl(APERTURE, HOLE, FOCAL)).pressure_on_plane(
+        1.0, jnp.asarray(WAVENUMBER + 0j), RADII, 8e-3
+    )
     assert np.all(np.isnan(pressure))

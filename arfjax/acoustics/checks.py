@@ -1,0 +1,83 @@
+"""What a march refuses before it starts, as far as values are concrete; traced ones pass."""
+
+import math
+from collections.abc import Sequence
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from arfjax.acoustics.layers import SAME_POSITION, AcousticLayer
+from arfjax.acoustics.settings import MarchSettings
+from arfjax.acoustics.sources.base import PlaneSource, Source, concrete
+from arfjax.errors import InputError
+from arfjax.transducer import Drive, PressureDrive
+
+
+def check_source(
+    source: Source, drive: Drive | PressureDrive, layers: Sequence[AcousticLayer], settings: MarchSettings
+) -> float:
+    """Where the march starts [m].
+
+    Raises:
+        InputError: if the source or the settings make no sense, alone or together.
+    """
+    source.check()
+    thicknesses = [layer.thickness for layer in layers]
+    if not thicknesses or min(thicknesses) <= 0.0:
+        raise InputError(f"`layers` need positive thicknesses [m], got {thicknesses}. Leave an absent layer out.")
+    with jax.ensure_compile_time_eval():
+        aperture, depth = concrete(source.aperture_radius), concrete(source.depth)
+    clean = settings.sponge_start * settings.domain_radius
+    if aperture > clean:
+        raise InputError(
+            f"`aperture_radius` {aperture} m must be at most {clean} m, where the sponge begins. "
+            "Enlarge `domain_radius`."
+        )
+    start = source.plane if isinstance(source, PlaneSource) else settings.start_plane
+    if start >= thicknesses[0]:
+        raise InputError(
+            f"`start_plane` {start} m must lie inside the first layer, which ends at {thicknesses[0]} m. Thicken the "
+            "layer that holds the source: it is counted from the bowl's apex."
+        )
+    if not isinstance(source, PlaneSource) and depth >= start:
+        raise InputError(
+            f"`start_plane` {start} m must lie beyond the bowl's rim at {depth} m; two wavelengths beyond is a good "
+            "choice."
+        )
+    wavenumber = 2.0 * math.pi * concrete(drive.frequency) / concrete(layers[0].medium.sound_speed)
+    if math.pi * settings.n_radial / settings.domain_radius < wavenumber:
+        at_least = math.ceil(wavenumber * settings.domain_radius / math.pi)
+        raise InputError(
+            f"`n_radial` {settings.n_radial} does not resolve the wavelength {2.0 * math.pi / wavenumber} m on a "
+            f"domain of {settings.domain_radius} m: more than {at_least} are needed."
+        )
+    needed = 0.5 * wavenumber * (settings.domain_radius + aperture) + 30.0
+    if not isinstance(source, PlaneSource) and settings.n_quadrature < needed:
+        raise InputError(
+            f"`n_quadrature` {settings.n_quadrature} does not resolve the bowl's field: {needed:.0f} are needed."
+        )
+    return start
+
+
+def check_positions(
+    layers: Sequence[AcousticLayer],
+    r: Float[np.ndarray, " r"],
+    z: Float[np.ndarray, " z"],
+    start: float,
+    settings: MarchSettings,
+) -> None:
+    """Raise `InputError` where the wanted positions are not where the march passes."""
+    last = sum(layer.thickness for layer in layers)
+    if len(z) == 0 or np.any(np.diff(z) <= SAME_POSITION):
+        raise InputError(f"`z` must hold ascending positions [m], got {z}.")
+    if z[0] < start - SAME_POSITION or z[-1] > last + SAME_POSITION:
+        raise InputError(
+            f"`z` from {z[0]} to {z[-1]} m must lie between the start plane at {start} m and the end of the last layer "
+            f"at {last} m. Millimetres? Pass metres from the bowl's apex."
+        )
+    clean = settings.sponge_start * settings.domain_radius
+    if len(r) == 0 or np.min(r) < 0.0 or np.max(r) > clean:
+        raise InputError(
+            f"`r` must lie between 0 and {clean} m, where the sponge begins, got {r}. Enlarge `domain_radius`."
+        )
