@@ -1,6 +1,6 @@
 """The five-layer case at 150 W by another path than the package's march: makes `T*_P150.npz`. See SOURCE.md.
 
-python -m tests.reference.acoustics.make_150 [--source T1 --power 50 --harmonics 64 --nodes 900 --refine 2 --out FILE]
+python -m tests.reference.acoustics.make_150 [--source T3 --power 50 --harmonics 64 --nodes 900 --refine 2 --out FILE]
 
 Nothing is split here. The state is the Bessel coefficients of all harmonics, of which diffraction, attenuation and
 dispersion are an exact factor over any length; nonlinearity and the absorbing ring are its right-hand side, stepped by
@@ -19,7 +19,7 @@ import jax
 import numpy as np
 from scipy import fft, special
 
-from arfjax.acoustics.source import bowl_pressure
+from arfjax.acoustics.sources.radiating_bowl import RadiatingBowl
 from arfjax.suomi2016 import TABLE_1_ACOUSTIC, AcousticRow
 from arfjax.transducer import Drive, FocusedBowl
 
@@ -131,7 +131,10 @@ def start(series: Series, source: str, power: float) -> tuple[np.ndarray, float]
     inside = series.nodes < SPONGE_END
     pressure = np.zeros(len(series.nodes), dtype=complex)
     plane = STARTS["T2"][0]
-    pressure[inside] = bowl_pressure(BOWL, source_pressure, wavenumber, series.nodes[inside], plane, n_quadrature=1600)
+    surface = RadiatingBowl(BOWL)
+    pressure[inside] = surface.pressure_on_plane(
+        source_pressure, wavenumber, series.nodes[inside], plane, n_quadrature=1600
+    )
     return apply(series.to_series, (pressure * series.fade)[:, None])[:, 0], source_pressure
 
 
