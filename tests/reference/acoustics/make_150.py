@@ -5,7 +5,7 @@ python -m tests.reference.acoustics.make_150 [--source T3 --power 50 --harmonics
 Nothing is split here. The state is the Bessel coefficients of all harmonics, of which diffraction, attenuation and
 dispersion are an exact factor over any length; nonlinearity and the absorbing ring are its right-hand side, stepped by
 the classical rule of Runge and Kutta in the frame that this factor turns (Lawson 1967). The product p^2 is taken in
-time at the radial nodes, with so many times that no harmonic is aliased. Only the start plane of T2 is the package's,
+time at the radial nodes, with so many times that no harmonic is aliased. Only the bowl's start plane is the package's,
 whose Rayleigh integral is held against O'Neil's formula. Plain numpy in double precision.
 """
 
