@@ -28,19 +28,21 @@ def check_source(
         raise InputError(f"`layers` need positive thicknesses [m], got {thicknesses}. Leave an absent layer out.")
     with jax.ensure_compile_time_eval():
         aperture, depth = concrete(source.aperture_radius), concrete(source.depth)
-    clean = settings.sponge_start * settings.domain_radius
-    if aperture > clean:
+    is_given = isinstance(source, PlaneSource)
+    # A field that is given may reach into the sponge: what it loses there is what leaves the beam.
+    room = settings.domain_radius * (1.0 if is_given else settings.sponge_start)
+    if aperture > room:
+        what = "the domain ends" if is_given else "the sponge begins"
         raise InputError(
-            f"`aperture_radius` {aperture} m must be at most {clean} m, where the sponge begins. "
-            "Enlarge `domain_radius`."
+            f"`aperture_radius` {aperture} m must be at most {room} m, where {what}. Enlarge `domain_radius`."
         )
-    start = source.plane if isinstance(source, PlaneSource) else settings.start_plane
+    start = source.plane if is_given else settings.start_plane
     if start >= thicknesses[0]:
         raise InputError(
             f"`start_plane` {start} m must lie inside the first layer, which ends at {thicknesses[0]} m. Thicken the "
             "layer that holds the source: it is counted from the bowl's apex."
         )
-    if not isinstance(source, PlaneSource) and depth >= start:
+    if not is_given and depth >= start:
         raise InputError(
             f"`start_plane` {start} m must lie beyond the bowl's rim at {depth} m; two wavelengths beyond is a good "
             "choice."
@@ -53,7 +55,7 @@ def check_source(
             f"domain of {settings.domain_radius} m: more than {at_least} are needed."
         )
     needed = 0.5 * wavenumber * (settings.domain_radius + aperture) + 30.0
-    if not isinstance(source, PlaneSource) and settings.n_quadrature < needed:
+    if not is_given and settings.n_quadrature < needed:
         raise InputError(
             f"`n_quadrature` {settings.n_quadrature} does not resolve the bowl's field: {needed:.0f} are needed."
         )

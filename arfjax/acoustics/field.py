@@ -9,8 +9,8 @@ class Convergence(eqx.Module):
     """Estimates of what the discretisation makes wrong, each relative to the largest amplitude on the axis.
 
     Attributes:
-        harmonics: Part of the harmonics above three quarters of those carried, in their sum on the axis: the next ones
-            would be smaller. Where a shock is not resolved it stays at some per cent; see `shock_fraction`.
+        harmonics: Part of the upper half of the harmonics in their sum on the axis. Without dissipation at shocks the
+            ones left out would be smaller; with it, it is about what the upper half has lost.
         radial: Part of the last tenth of the Bessel series in the pressure on the axis.
         axial: A third of the difference, over the whole beam at the end of the march and each harmonic weighted with
             its order, that a march of twice the longest step makes: the error of a second-order method. It is computed

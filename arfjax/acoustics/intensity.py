@@ -21,7 +21,8 @@ def intensity(field: HarmonicField) -> Float[Array, "harmonic r z"]:
 
 def heat_deposition(field: HarmonicField) -> Float[Array, "r z"]:
     """Heat deposited [W/m^3], 2 alpha I summed over harmonics, alpha the local absorption."""
-    return jnp.sum(2.0 * (field.absorption_fraction * field.attenuation + _at_shocks(field)) * intensity(field), axis=0)
+    absorption = field.absorption_fraction[None, None, :] * field.attenuation + _at_shocks(field)
+    return jnp.sum(2.0 * absorption * intensity(field), axis=0)
 
 
 def radiation_force_density(field: HarmonicField) -> Float[Array, "r z"]:

@@ -89,6 +89,7 @@ def march(
             more of them take less memory and, above 1, a third more time.
     """
     from_series, to_series = constant(basis.from_series), constant(basis.to_series)
+    n_clean = len(basis.nodes) if n_clean is None else n_clean
     wavenumber, excess = axial_wavenumber.T, None if path is None else path.T - 1.0
 
     def step(beam: Beam, own: tuple[Array, Array, Array | None]) -> tuple[Beam, tuple[Array, Array]]:

@@ -220,7 +220,7 @@ def _clean_nodes(basis: HankelBasis, settings: MarchSettings) -> int:
 
 def _observer(rate: Float[Array, ""], settings: MarchSettings) -> Callable[[Series, AtNodes, Array], Array]:
     """What `_convergence` needs of each step."""
-    top, last = -(-3 * settings.n_harmonics // 4), -(-9 * settings.n_radial // 10)
+    top, last = settings.n_harmonics // 2, -(-9 * settings.n_radial // 10)
 
     def observe(series: Series, pressure: AtNodes, length: Array) -> Array:
         on_axis = jnp.sum(jnp.abs(jnp.sum(series, axis=0)))

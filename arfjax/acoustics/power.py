@@ -39,14 +39,32 @@ def power_through_plane(
     return math.pi * flux / (density * 2.0 * math.pi * frequency)
 
 
+def plane_wave_power(
+    amplitude: Complex[Array, "harmonic mode"], basis: HankelBasis, impedance: Scalar
+) -> Float[Array, " harmonic"]:
+    """Power [W] of each harmonic as if all of it crossed the plane at right angles: the integral of p^2 / (2 Z).
+
+    It is too large, by a few percent for a bowl of F/1, and components beyond grazing count. Other programs set their
+    source by it.
+
+    Args:
+        amplitude: Coefficients of the series [Pa].
+        basis: Whose series.
+        impedance: Density times sound speed [Pa s/m].
+    """
+    square = amplitude.real**2 + amplitude.imag**2
+    return math.pi * jnp.sum(jnp.asarray(basis.norms, dtype=float)[None, :] * square, axis=1) / impedance
+
+
 class PowerBudget(eqx.Module):
     """Where the power of a beam goes, layer by layer up to the last axial position of the field.
 
     Attributes:
         entering: Behind each layer's front, or the start plane [W].
         leaving: In front of each layer's back, or the last position [W].
-        reflected: What does not get past each layer's front [W]: reflection at normal incidence and, as the march takes
-            that for all angles, what refraction adds to it. None for the first layer.
+        reflected: What does not get past each layer's front [W]. As the march reflects at all angles what it would at
+            normal incidence, refraction adds to it or makes up for it, and it may be below zero. None for the first
+            layer.
         lost: Absorbed, scattered or sent out sideways inside each layer [W].
     """
 

@@ -6,11 +6,11 @@ step of the march every harmonic is multiplied at the radial nodes by
 $$ \exp(-i\, dk(r)\, dz), \qquad dk = k(c + dc, \alpha + d\alpha) - k(c, \alpha) $$
 
 with the power law and the dispersion of `complex_wavenumber`, dc and the change of alpha being means over the step:
-the wide-angle split operator of Thomson and Chapman, second order in the step. Refraction is in it, reflection by the
-variation is not. The factor acts along the axis, while a component at the angle theta travels dz / cos(theta): of its
-*change* the part 1 - cos(theta) is missing, at the rim of a bowl as deep as its aperture 14 percent and 9 at its
-focus, nothing in a narrow beam. To first order in dk the exact operator couples the modes m and n by
-2 k dk_mn / (k_zm + k_zn), which no factor in r can do.
+the split operator of Thomson and Chapman, second order in the step. Refraction is in it, reflection by the variation is
+not. What the factor changes acts along each component's path (`march`): to first order in dk the exact operator couples
+the modes m and n by 2 k dk_mn / (k_zm + k_zn), this one by k dk_mn / k_zm, which is the same but for changes of
+direction. Along the axis 1 - cos(theta) of the change would be missing: 9 percent at the focus of a bowl as deep as its
+aperture.
 Source: Thomson & Chapman, J. Acoust. Soc. Am. 74 (1983) 1848.
 """
 

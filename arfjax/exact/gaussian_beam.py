@@ -18,7 +18,7 @@ def pressure(
     z: Float[np.ndarray, " z"],
     *,
     radius: float,
-    wavenumber: complex,
+    wavenumber: float | complex,
     focal_length: float = math.inf,
     source_pressure: float = 1.0,
 ) -> Complex[np.ndarray, "r z"]:

@@ -8,7 +8,7 @@ def axial_pressure(
     z: Float[np.ndarray, " z"],
     *,
     radius: float,
-    wavenumber: complex,
+    wavenumber: float | complex,
     hole_radius: float = 0.0,
     source_pressure: float = 1.0,
 ) -> Complex[np.ndarray, " z"]:

@@ -4,15 +4,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from arfjax.acoustics.intensity import heat_deposition, intensity, radiation_force_density
-from arfjax.acoustics.field import HarmonicField
+from arfjax.acoustics.intensity import (
+    fundamental_force_density,
+    heat_deposition,
+    intensity,
+    radiation_force_density,
+)
+from arfjax.acoustics.field import Convergence, HarmonicField
 
 Z = np.linspace(0.0, 0.1, 2001)
 ALPHA = np.array([4.0, 9.0])
 DENSITY, SPEED = 1060.0, 1584.0
 
 
-def plane_wave(amplitude=1e6):
+def plane_wave(amplitude=1e6, absorption_fraction=1.0):
     """Two harmonics that decay along z; the second at half the amplitude."""
     k = 4000.0 * np.array([1.0, 2.0]) - 1j * ALPHA
     pressure = amplitude * np.array([1.0, 0.5])[:, None, None] * np.exp(-1j * k[:, None, None] * Z[None, None, :])
@@ -24,6 +29,10 @@ def plane_wave(amplitude=1e6):
         density=jnp.full(Z.shape, DENSITY),
         sound_speed=jnp.full((1, Z.size), SPEED),
         attenuation=jnp.broadcast_to(jnp.asarray(ALPHA)[:, None, None], (2, 1, Z.size)),
+        absorption_fraction=jnp.full(Z.shape, absorption_fraction),
+        steepening_rate=jnp.zeros(Z.shape),
+        layer_power=jnp.zeros((1, 2)),
+        convergence=Convergence(*[jnp.zeros(())] * 5),
     )
 
 
@@ -40,8 +49,17 @@ def test_heat_is_the_divergence_of_intensity():
 
 def test_scattering_heats_not_but_pushes():
     field = plane_wave()
-    np.testing.assert_allclose(heat_deposition(field, 0.7), 0.7 * heat_deposition(field), rtol=1e-14)
-    np.testing.assert_allclose(radiation_force_density(field), heat_deposition(field) / SPEED, rtol=1e-14)
+    scattering = plane_wave(absorption_fraction=0.7)
+    np.testing.assert_allclose(heat_deposition(scattering), 0.7 * heat_deposition(field), rtol=1e-14)
+    for each in (field, scattering):
+        np.testing.assert_allclose(radiation_force_density(each), heat_deposition(field) / SPEED, rtol=1e-14)
+
+
+def test_force_by_the_fundamentals_attenuation_misses_what_the_harmonics_lose():
+    # I_2 = I_1 / 4 at z = 0: (4 + 9 / 4) against 4 (1 + 1 / 4).
+    field = plane_wave()
+    ratio = fundamental_force_density(field)[0, 0] / radiation_force_density(field)[0, 0]
+    np.testing.assert_allclose(ratio, 5.0 / 6.25, rtol=1e-14)
 
 
 def test_gradient_is_finite_at_zero_pressure():

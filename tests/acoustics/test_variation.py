@@ -124,9 +124,12 @@ def test_no_change_is_no_change():
         np.testing.assert_allclose(getattr(zero, name), getattr(none, name), rtol=1e-12)
 
 
-@pytest.mark.parametrize("diffraction", [ExactOneWay(), Parabolic()])
+ALONG_AXIS = ExactOneWay(steepening_along_ray=False)
+
+
+@pytest.mark.parametrize("diffraction", [ALONG_AXIS, Parabolic()])
 def test_beyond_a_uniform_slab_the_field_is_multiplied_by_its_wavenumber(diffraction):
-    """Exact for this operator, because a factor without r commutes with diffraction; dispersion included."""
+    """Exact for these operators, because a factor without r commutes with diffraction; dispersion included."""
     thickness, more_attenuation, more_speed = 8e-3, 3.0, 25.0
     slab = uniform(52e-3, 52e-3 + thickness, more_attenuation, more_speed)
     changed, plain = (beam(each, 0.4e-3, diffraction=diffraction, medium=LIVER)[1] for each in (slab, None))
@@ -139,20 +142,22 @@ def test_beyond_a_uniform_slab_the_field_is_multiplied_by_its_wavenumber(diffrac
 
 
 @pytest.mark.parametrize(("attenuation", "sound_speed"), [(0.8, 0.0), (0.0, 7.92)])
-def test_of_the_change_of_a_whole_layer_nine_percent_are_missed(attenuation, sound_speed):
+def test_changing_a_whole_layer_is_another_layer(attenuation, sound_speed):
     """Against a layer of another medium (of equal impedance): 20 % of attenuation, half a percent of sound speed.
 
-    The mean of 1 / cos over the bowl's solid angle, less one, is 8.4 percent.
+    What is missed is of second order in the change: a thousandth of it. Along the axis 9 percent are missed, the mean of
+    1 / cos over the bowl's solid angle, less one, being 8.4 percent.
     """
     other = AcousticMedium(
         LIVER.density * 1584.0 / (1584.0 + sound_speed), 1584.0 + sound_speed, 4.0 + attenuation, 1.1, 7.2
     )
     z = np.array([59.75e-3])
-    exact = field(None, layers=[LAYERS[0], AcousticLayer(other, 0.05)], z=z).pressure[0]
-    plain = field(None, z=z).pressure[0]
-    split = field(uniform(0.034, 0.084, attenuation, sound_speed), z=z).pressure[0]
-    missed = np.asarray(exact - split)[0, 0] / np.asarray(exact - plain)[0, 0]
-    np.testing.assert_allclose(np.abs(missed), 0.091, atol=0.003)
+    for diffraction, expected, tolerance in ((ExactOneWay(), 0.0, 1e-3), (ALONG_AXIS, 0.091, 3e-3)):
+        exact = field(None, layers=[LAYERS[0], AcousticLayer(other, 0.05)], z=z).pressure[0]
+        plain = field(None, z=z).pressure[0]
+        split = field(uniform(0.034, 0.084, attenuation, sound_speed), z=z, diffraction=diffraction).pressure[0]
+        missed = np.asarray(exact - split)[0, 0] / np.asarray(exact - plain)[0, 0]
+        np.testing.assert_allclose(np.abs(missed), expected, atol=tolerance)
 
 
 def test_a_thin_lens_moves_the_field_as_fresnel_has_it():
@@ -184,14 +189,16 @@ def test_a_thin_lens_moves_the_field_as_fresnel_has_it():
     assert relative(field(None, z=z, r=r, **options).pressure[0], expected) > 0.18
 
 
-@pytest.mark.parametrize("diffraction", [ExactOneWay(), Parabolic()])
-def test_a_lossless_variation_keeps_the_square_of_the_pressure(diffraction):
-    """The integral of |p|^2 over a plane, which both factors of a step keep (it is the power, to small angles)."""
+@pytest.mark.parametrize("diffraction", [ExactOneWay(), ALONG_AXIS, Parabolic()])
+def test_a_lossless_variation_keeps_what_its_operator_keeps(diffraction):
+    """Along the axis the integral of |p|^2 over a plane, exactly; along the ray the power, to the order of the step."""
     basis, history = beam(heated(attenuation=0.0, sound_speed=-60.0), 0.4e-3, diffraction=diffraction)
     plain = beam(None, 0.4e-3, diffraction=diffraction)[1]
     assert relative(history, plain) > 0.1
-    square = np.sum(basis.norms * np.abs(history) ** 2, axis=(1, 2))
-    np.testing.assert_allclose(square, square[0], rtol=4e-7)
+    along_ray = diffraction == ExactOneWay()
+    weight = np.sqrt(np.maximum((OMEGA / 1482.0) ** 2 - basis.wavenumbers**2, 0.0)) if along_ray else 1.0
+    kept = np.sum(basis.norms * weight * np.abs(history) ** 2, axis=1)
+    np.testing.assert_allclose(kept, kept[0], rtol=1e-4 if along_ray else 4e-7)
 
 
 def test_second_order_in_the_axial_step():

@@ -34,8 +34,8 @@ class Apodisation(eqx.Module):
     """
 
     radius: tuple[float, ...] = eqx.field(static=True, converter=as_radii)
-    amplitude: Float[Array, " n"] | Float[np.ndarray, " n"]
-    phase: Float[Array, " n"] | Float[np.ndarray, " n"]
+    amplitude: Float[Array, " _"] | Float[np.ndarray, " _"]
+    phase: Float[Array, " _"] | Float[np.ndarray, " _"]
 
     def __check_init__(self) -> None:
         """Refuse radii and values that cannot be meant."""

@@ -10,7 +10,7 @@ _LARGEST = 1.0
 """No transducer and no scan reaches a metre from the axis; a millimetre's number does."""
 
 
-def as_radii(values: Float[np.ndarray, " n"] | tuple[float, ...] | list[float]) -> tuple[float, ...]:
+def as_radii(values: Float[np.ndarray, " radius"] | tuple[float, ...] | list[float]) -> tuple[float, ...]:
     """Concrete radii [m] as a tuple, which can be static: hashed and compared.
 
     Raises:

@@ -25,12 +25,12 @@ class PressurePlane(PlaneSource):
     """Complex pressure sampled at radii on a plane; zero beyond the last.
 
     Between samples it is the cubic spline that is even in r: linear in the data, of fourth order, and as smooth across
-    the axis as a field is. Complex values are interpolated as they are, so neighbouring samples must differ by well
-    less than half a turn in phase: four or more to the shortest radial wavelength, which is the wavelength over the
-    sine of the steepest angle (measured: eight to it keep a focus within 1e-3).
+    the axis as a field is. Complex values are interpolated as they are, so the spacing must resolve the shortest radial
+    wavelength, the wavelength over the sine of the steepest angle. Of a bowl of F/1, scanned before its rim, nine
+    samples to it give the focus within 2e-4 of its pressure, six within 1e-3, four within 4e-3.
 
     The source pressure is what the largest measured magnitude is scaled to; a `PressureDrive` without a pressure
-    leaves the data as measured. As a measurement has harmonics only by name, give the fundamental's amplitude.
+    leaves the data as measured.
 
     Attributes:
         radius: Concrete radii of the samples, ascending, from the axis or half a spacing off it [m].
@@ -45,7 +45,7 @@ class PressurePlane(PlaneSource):
     """
 
     radius: tuple[float, ...] = eqx.field(static=True, converter=as_radii)
-    pressure: Complex[Array, " n"] | Complex[np.ndarray, " n"]
+    pressure: Complex[Array, " _"] | Complex[np.ndarray, " _"]
     plane: float = eqx.field(static=True)
     taper: float = eqx.field(static=True, default=0.0)
 
@@ -79,7 +79,7 @@ class PressurePlane(PlaneSource):
     def area(self) -> Scalar:
         """Integral of (p / p_0)^2 over the plane [m^2].
 
-        As for plane waves, which near a strongly focused bowl is a few percent too much: for its true power measure
+        As for plane waves, which near a strongly focused bowl is several percent too much: for its true power measure
         `power_through_plane` once, and scale the pressure.
         """
         points, weights = self._points(0.0)

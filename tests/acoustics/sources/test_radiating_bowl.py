@@ -5,56 +5,152 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax.acoustics.sources.radiating_bowl import RadiatingBowl
+from arfjax.acoustics.sources.apodisation import Apodisation
+from arfjax.acoustics.sources.radiating_bowl import RadiatingBowl, as_source
+from arfjax.errors import InputError
+from arfjax.exact.oneil import axial_pressure
 from arfjax.transducer import FocusedBowl
-from tests.checks import assert_gradient
+from tests.acoustics.sources.problems import (
+    APERTURE,
+    BOWL,
+    COMPLEX_WAVENUMBER,
+    FOCAL,
+    HOLE,
+    RADII,
+    WAVENUMBER,
+    bowl_profile,
+    marched,
+    rayleigh,
+    series,
+)
 
-APERTURE, HOLE, FOCAL = 32e-3, 10e-3, 62.6e-3
-WAVENUMBER = 2.0 * np.pi * 1.1e6 / 1482.0
-RADII = np.array([0.0, 1e-3, 10e-3, 31.9e-3, 45e-3, 60e-3])
-
-
-def rayleigh(r, plane, wavenumber):
-    nodes, weights = np.polynomial.legendre.leggauss(500)
-    start, stop = np.arcsin(HOLE / FOCAL), np.arcsin(APERTURE / FOCAL)
-    angle = (0.5 * (start + stop) + 0.5 * (stop - start) * nodes)[:, None]
-    around = ((np.arange(1000) + 0.5) / 1000 * np.pi)[None, :]
-    ring = FOCAL * np.sin(angle)
-    distance = np.sqrt(
-        (r - ring * np.cos(around)) ** 2 + (ring * np.sin(around)) ** 2 + (plane - FOCAL * (1.0 - np.cos(angle))) ** 2
-    )
-    area = (0.5 * (stop - start) * weights)[:, None] * FOCAL * ring * 2.0 * np.pi / 1000
-    return 0.5j * wavenumber.real / np.pi * np.sum(area * np.exp(-1j * wavenumber * distance) / distance)
+# Two rings with a silent one between; within each amplitude and phase vary.
+KNOTS = np.array([10.0, 17.0, 17.0, 20.0, 20.0, 26.0, 32.0]) * 1e-3
+AMPLITUDE = np.array([0.4, 1.0, 0.0, 0.0, 1.2, 1.0, 0.3])
+PHASE = np.array([0.0, 0.6, 0.0, 0.0, -0.8, 1.5, 1.0])
 
 
 @pytest.mark.parametrize("attenuation", [0.0, 5.0])
 @pytest.mark.parametrize("plane", [11e-3, 12e-3, 40e-3])
 def test_it_is_the_rayleigh_integral(plane, attenuation):
     wavenumber = WAVENUMBER - 1j * attenuation
-    bowl = FocusedBowl(APERTURE, HOLE, FOCAL)
-    pressure = RadiatingBowl(bowl).pressure_on_plane(1.0, jnp.asarray(wavenumber), RADII, plane)
-    np.testing.assert_allclose(pressure, [rayleigh(r, plane, wavenumber) for r in RADII], rtol=0.0, atol=1e-9)
+    pressure = RadiatingBowl(BOWL).pressure_on_plane(1.0, jnp.asarray(wavenumber), RADII, plane)
+    direct = [rayleigh(r, plane, wavenumber, bowl_profile()) for r in RADII]
+    np.testing.assert_allclose(pressure, direct, rtol=0.0, atol=1e-9)
+
+
+def test_apodised_it_is_the_weighted_rayleigh_integral():
+    source = RadiatingBowl(BOWL, Apodisation(KNOTS, AMPLITUDE, PHASE))
+    pressure = source.pressure_on_plane(1.0, COMPLEX_WAVENUMBER, RADII, 12e-3)
+    direct = np.zeros(len(RADII), complex)
+    for left in np.flatnonzero(np.diff(KNOTS)):
+        ends = KNOTS[left : left + 2]
+
+        def weight(ring, left=left, ends=ends):
+            amplitude, phase = (np.interp(ring, ends, values[left : left + 2]) for values in (AMPLITUDE, PHASE))
+            return amplitude * np.exp(1j * phase)
+
+        profile = bowl_profile(weight, *ends)
+        direct += [rayleigh(r, 12e-3, WAVENUMBER, profile, n=90) for r in RADII]
+    np.testing.assert_allclose(pressure, direct, rtol=0.0, atol=1e-9)
+
+
+def test_apodisation_of_one_changes_nothing():
+    ones = RadiatingBowl(BOWL, Apodisation(KNOTS, np.ones(7), np.zeros(7)))
+    plain = RadiatingBowl(BOWL)
+    ones.check()
+    fields = [source.pressure_on_plane(1.0, COMPLEX_WAVENUMBER, RADII, 12e-3) for source in (ones, plain)]
+    np.testing.assert_allclose(*fields, rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(ones.area, plain.area, rtol=1e-12)
+
+
+def test_area_counts_the_square_of_the_amplitude():
+    halves = Apodisation(np.array([10.0, 20.0, 20.0, 32.0]) * 1e-3, np.array([1.0, 1.0, 0.5, 0.5]), np.ones(4))
+    inner, outer = FocusedBowl(20e-3, HOLE, FOCAL), FocusedBowl(APERTURE, 20e-3, FOCAL)
+    np.testing.assert_allclose(RadiatingBowl(BOWL, halves).area, inner.area + 0.25 * outer.area, rtol=1e-12)
+
+
+def test_focus_is_oneils():
+    z = np.array([60e-3, 62.1e-3, 65e-3])
+    pressure = marched(series(as_source(BOWL)), z - 12e-3, np.zeros(1))[0]
+    np.testing.assert_allclose(pressure, axial_pressure(BOWL, z, wavenumber=WAVENUMBER), rtol=5e-3)
+
+
+def test_single_precision():
+    wanted = RadiatingBowl(BOWL).pressure_on_plane(1.0, COMPLEX_WAVENUMBER, RADII, 12e-3)
+    with jax.enable_x64(False):
+        pressure = RadiatingBowl(BOWL).pressure_on_plane(1.0, COMPLEX_WAVENUMBER.astype("complex64"), RADII, 12e-3)
+        assert pressure.dtype == jnp.complex64
+    np.testing.assert_allclose(pressure, wanted, rtol=0.0, atol=5e-5)
 
 
 def radiated(parameters):
-    *dimensions, wavenumber, attenuation, source_pressure = parameters
-    bowl = FocusedBowl(*dimensions)
-    pressure = RadiatingBowl(bowl).pressure_on_plane(source_pressure, wavenumber - 1j * attenuation, RADII, 12e-3)
-    return jnp.sum(jnp.abs(pressure) ** 2)
+    dimensions, wavenumber, attenuation, source_pressure, amplitude, phase = parameters
+    source = RadiatingBowl(FocusedBowl(*dimensions), Apodisation(KNOTS, amplitude, phase))
+    wavenumber = wavenumber - 1j * attenuation
+    pressure = source.pressure_on_plane(source_pressure, wavenumber, RADII[:4], 12e-3, n_quadrature=220)
+    return jnp.sum(jnp.abs(pressure) ** 2) + 1e3 * source.area
 
 
-def test_gradient_in_dimensions_wavenumber_and_pressure():
-    parameters = tuple(map(jnp.asarray, (APERTURE, HOLE, FOCAL, WAVENUMBER, 1.0, 2.0)))
-    assert_gradient(radiated, parameters, step=2e-6)
+PARAMETERS = jax.tree.map(jnp.asarray, ((APERTURE, HOLE, FOCAL), WAVENUMBER, 1.0, 2.0, AMPLITUDE, PHASE))
 
 
-def test_gradient_is_finite_without_hole_and_loss():
-    parameters = tuple(map(jnp.asarray, (APERTURE, 0.0, FOCAL, WAVENUMBER, 0.0, 2.0)))
-    assert np.all(np.isfinite(jax.jit(jax.grad(radiated))(parameters)))
+@pytest.fixture(scope="module")
+def value_and_gradient():
+    return jax.jit(jax.value_and_grad(radiated))
+
+
+def test_gradient_in_dimensions_wavenumber_pressure_amplitude_and_phase(value_and_gradient):
+    # As `assert_gradient_of_each_leaf`, which would compile twice as much.
+    leaves, structure = jax.tree.flatten(PARAMETERS)
+    gradient = jax.tree.leaves(value_and_gradient(PARAMETERS)[1])
+    forward = jax.jit(lambda direction: jax.jvp(radiated, (PARAMETERS,), (direction,))[1])
+    for index, leaf in enumerate(leaves):
+        pick = [leaf if other == index else jnp.zeros_like(value) for other, value in enumerate(leaves)]
+        reverse = jnp.sum(gradient[index] * leaf)
+        np.testing.assert_allclose(reverse, forward(structure.unflatten(pick)), rtol=1e-10)
+
+        def along(length, pick=pick):
+            moved = [value + length * change for value, change in zip(leaves, pick, strict=True)]
+            return float(value_and_gradient(structure.unflatten(moved))[0])
+
+        step = 3e-6 if index < 4 else 1e-3
+        central = (8.0 * (along(step) - along(-step)) - along(2.0 * step) + along(-2.0 * step)) / (12.0 * step)
+        np.testing.assert_allclose(reverse, central, rtol=1e-6, err_msg=str(index))
+
+
+def test_gradient_is_finite_without_hole_and_loss(value_and_gradient):
+    _, *others = PARAMETERS
+    others[1] = jnp.asarray(0.0)
+    _, gradient = value_and_gradient((tuple(map(jnp.asarray, (APERTURE, 0.0, FOCAL))), *others))
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
 
 
 def test_a_plane_inside_the_bowl_gives_nan():
-    pressure = RadiatingBowl(FocusedBowl(APERTURE, HOLE, FOCAL)).pressure_on_plane(
-        1.0, jnp.asarray(WAVENUMBER + 0j), RADII, 8e-3
-    )
+    pressure = RadiatingBowl(BOWL).pressure_on_plane(1.0, COMPLEX_WAVENUMBER, RADII, 8e-3)
     assert np.all(np.isnan(pressure))
+
+
+@pytest.mark.parametrize("dimensions", [(32e-3, 40e-3, 62.6e-3), (32e-3, -1e-3, 62.6e-3), (70e-3, 0.0, 62.6e-3)])
+def test_dimensions_that_are_no_bowl_are_refused(dimensions):
+    with pytest.raises(InputError, match="a bowl needs"):
+        RadiatingBowl(FocusedBowl(*dimensions)).check()
+
+
+@pytest.mark.parametrize(
+    ("radius", "amplitude", "message"),
+    [
+        ([10.0, 32.0], [1.0, 1.0], "Millimetres"),
+        ([10e-3, 9e-3, 32e-3], [1.0] * 3, "must ascend"),
+        ([10e-3, 20e-3, 20e-3, 20e-3, 32e-3], [1.0] * 5, "must ascend"),
+        ([10e-3, 10e-3, 32e-3], [1.0] * 3, "cannot jump"),
+        ([10e-3], [1.0], "two or more"),
+        ([10e-3, np.nan], [1.0] * 2, "finite"),
+        ([10e-3, 32e-3], [1.0] * 3, "3 values for 2"),
+        ([10e-3, 32e-3], [1.0, np.nan], "not finite"),
+        ([10e-3, 30e-3], [1.0, 1.0], "does not cover"),
+    ],
+)
+def test_an_apodisation_that_cannot_be_meant_is_refused(radius, amplitude, message):
+    with pytest.raises(InputError, match=message):
+        RadiatingBowl(BOWL, Apodisation(radius, np.array(amplitude), np.zeros(len(amplitude)))).check()
