@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from arfjax.laws import SMALLEST_DAMAGE
 from arfjax.model import Model
@@ -18,6 +18,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
 _DECIBEL_FLOOR = -30.0
 _SHOWN_RADIUS = 15.0  # mm
+_SPECTRUM_FLOOR = -100.0  # dB
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -116,16 +117,14 @@ def draw_sound(dataset: xr.Dataset, model: Model) -> Figure:
         panels["spectrum"].plot(orders[seen], decibel[seen], "o-", markersize=3, color=colour, label=label)
     panels["waveform"].axhline(0.0, color="0.8", linewidth=0.8, zorder=0)
     panels["waveform"].set_xlim(0.0, time[-1])
-    panels["waveform"].legend(frameon=False, fontsize="small", loc="upper left")
+    panels["spectrum"].legend(frameon=False, fontsize="small")
+    panels["spectrum"].xaxis.set_major_locator(MaxNLocator(integer=True))
     panels["spectrum"].set_ylim(_SPECTRUM_FLOOR, 5.0)
     tidy(panels["waveform"], x="time [µs]", y="pressure [MPa]", title="one period")
     tidy(panels["spectrum"], x="harmonic", y="amplitude [dB re fundamental]", title="spectrum")
     _draw_heat(figure, panels["heat"], dataset, model)
     _draw_power(panels["power"], dataset, model)
     return figure
-
-
-_SPECTRUM_FLOOR = -100.0
 
 
 def _draw_heat(figure: Figure, chart: Axes, dataset: xr.Dataset, model: Model) -> None:
@@ -138,32 +137,34 @@ def _draw_heat(figure: Figure, chart: Axes, dataset: xr.Dataset, model: Model) -
     chart.set_xlim(max(peak - 10.0, z[0]), min(peak + 10.0, z[-1]))
     chart.set_ylim(-5.0, 5.0)
     chart.set_aspect("equal")
+    chart.xaxis.set_major_locator(MultipleLocator(5.0))
     _draw_layers(chart, model, colour="white")
-    tidy(chart, x="axial distance z [mm]", y="r [mm]", title="heat deposition; dashed: half of it")
+    tidy(chart, x="axial distance z [mm]", y="r [mm]", title="heat deposition; dashed: half of the highest")
 
 
 def _draw_power(chart: Axes, dataset: xr.Dataset, model: Model) -> None:
-    lost, reflected = dataset["lost_power"].to_numpy(), dataset["reflected_power"].to_numpy()
-    rows = np.arange(len(lost))
-    chart.barh(rows, lost, height=0.55, color=COLOURS[0], label="lost in the layer")
-    chart.barh(rows, reflected, height=0.55, left=lost, color=COLOURS[1], label="kept back at its front")
-    for row, watts in zip(rows, lost + reflected, strict=True):
+    """Power along the axis: known at every layer's front and back, joined by straight lines."""
+    entering, leaving = dataset["entering_power"].to_numpy(), dataset["leaving_power"].to_numpy()
+    z = 1e3 * dataset["z"].to_numpy()
+    backs = np.cumsum([1e3 * layer.thickness for layer in model.layers])[: len(entering)]
+    fronts, backs = np.concatenate([z[:1], backs[:-1]]), np.minimum(backs, z[-1])
+    depth, power = np.stack([fronts, backs], axis=1), np.stack([entering, leaving], axis=1)
+    chart.plot(depth.ravel(), power.ravel(), "o-", markersize=4, color=COLOURS[0])
+    for (front, back), lost in zip(depth, entering - leaving, strict=True):
+        if back - front < 0.08 * (z[-1] - z[0]):
+            continue  # no room for the number
         chart.annotate(
-            f"{watts:.2g} W", (watts, row), (3.0, 0.0), textcoords="offset points", va="center", fontsize="small"
+            f"{lost:.2g} W",
+            (0.5 * (front + back), 0.0),
+            (0.0, 4.0),
+            textcoords="offset points",
+            ha="center",
+            fontsize="small",
         )
-    chart.set_yticks(
-        rows, [f"{row + 1}: {1e3 * layer.thickness:g} mm" for row, layer in zip(rows, model.layers, strict=False)]
-    )
-    chart.invert_yaxis()
-    chart.margins(x=0.15)
-    chart.legend(frameon=False, fontsize="small", loc="best")
-    left = float(dataset["leaving_power"][-1])
-    tidy(
-        chart,
-        x="acoustic power [W]",
-        y="layer",
-        title=f"of {float(dataset['entering_power'][0]):.3g} W, {left:.2g} W leave",
-    )
+    chart.set_xlim(z[0], z[-1])
+    chart.set_ylim(0.0, 1.08 * entering[0])
+    _draw_layers(chart, model, colour="0.6")
+    tidy(chart, x="axial distance z [mm]", y="acoustic power [W]", title="power in the beam; below: lost in the layer")
 
 
 def draw_heating(dataset: xr.Dataset, model: Model) -> Figure:

@@ -20,7 +20,7 @@ from arfjax.experiment.numbers import Celsius, Millimetres, Number, Section, bet
 from arfjax.experiment.sonication import SonicationSection
 from arfjax.mechanics.viscoelastic import ShearModulus, YoungModulus
 from arfjax.model import DoseSize, Layer, Lesion, Model, tabulated_size
-from arfjax.protocols.discretisation import RIM_TO_HEAT, RIM_TO_START, relative_wavelengths
+from arfjax.protocols.discretisation import RIM_TO_HEAT, RIM_TO_START, Discretisation, relative_wavelengths
 from arfjax.protocols.stepwise import StepwiseProtocol
 from arfjax.transducer import Drive, FocusedBowl
 
@@ -209,6 +209,15 @@ class Experiment(Section):
             duration=self.protocol.sonication_s,
             push_duration=1e-3 * self.protocol.push_ms,
         )
+
+    def discretised(self, model: Model, temperature: float | None = None) -> Discretisation:
+        """Grids, mesh and steps for the model, its sound as the file's [acoustics] has it, linear if it does not say.
+
+        Harmonics and steps of nonlinear sound are chosen with all tissue at `temperature` [degC], by default the
+        protocol's first; not for `jit`.
+        """
+        temperature = self.protocol.temperatures_c[0] if temperature is None else temperature
+        return self.acoustics.discretise(model, temperature)
 
     def sonicated(self) -> Model:
         """The model at the sonication's power."""

@@ -15,8 +15,9 @@ from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 
 _RADIUS = 20e-3  # m
-_STEP = 0.25e-3  # m; half of it across the axis and about the focus
+_STEP = 0.25e-3  # m; half of it across the axis and about the focus, a quarter across it near the axis
 _REACH = 4e-3  # m
+_NEAR = 3e-3  # m
 _LOWEST_POWER, _HIGHEST_POWER = 1e-3, 1e4  # W
 
 
@@ -81,7 +82,8 @@ def positions(model: Model, settings: Discretisation) -> tuple[Float[np.ndarray,
     fine = fine[(fine >= start) & (fine <= back)]
     coarse = np.arange(start, back, _STEP)
     coarse = coarse[(coarse < fine[0] - 0.25 * _STEP) | (coarse > fine[-1] + 0.25 * _STEP)]
-    return np.linspace(0.0, radius, round(2.0 * radius / _STEP) + 1), np.sort(np.concatenate([coarse, fine]))
+    r = np.concatenate([0.25 * _STEP * np.arange(round(4.0 * _NEAR / _STEP)), np.arange(_NEAR, radius, 0.5 * _STEP)])
+    return r, np.sort(np.concatenate([coarse, fine]))
 
 
 def _model(described: Experiment, power: float | None) -> Model:
