@@ -40,9 +40,7 @@ def steepening_rate(medium: AcousticMedium, fundamental: Scalar) -> Scalar:
     return 2.0 * math.pi * fundamental * beta / (medium.density * medium.sound_speed**3)
 
 
-def steepen(
-    pressure: Harmonics, length: Float[Array, "..."], rate: Float[Array, ""], n_substeps: int = 1
-) -> Harmonics:
+def steepen(pressure: Harmonics, length: Float[Array, "..."], rate: Float[Array, ""], n_substeps: int = 1) -> Harmonics:
     """Harmonics [Pa], the fundamental first, after a path of `length` [m], one for all or one for each point.
 
     Each substep is symmetric: half of the dissipation, steepening by Runge and Kutta's rule, half of the dissipation.

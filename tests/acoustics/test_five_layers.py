@@ -55,8 +55,8 @@ SETTINGS = {
         n_harmonics=24, axial_step=0.449e-3, start_plane=9.297e-3, n_quadrature=640, steepens_from_source=False
     ),
     150: MarchSettings(
-        n_harmonics=64,
-        n_radial=384,
+        n_harmonics=48,
+        n_radial=576,
         axial_step=0.449e-3,
         start_plane=9.297e-3,
         n_quadrature=640,
