@@ -7,8 +7,8 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
-from arfjax.acoustics.intensity import heat_deposition, intensity, radiation_force_density
 from arfjax.acoustics.field import HarmonicField
+from arfjax.acoustics.intensity import heat_deposition, intensity, radiation_force_density
 from arfjax.grid import AxisymmetricGrid
 from arfjax.laws import SMALLEST_DAMAGE
 from arfjax.protocols.sonication import SonicationResult

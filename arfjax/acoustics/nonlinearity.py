@@ -35,7 +35,7 @@ Harmonics = Complex[Array, "*point harmonic"]
 
 
 def steepening_rate(medium: AcousticMedium, fundamental: Scalar) -> Scalar:
-    """beta omega / (rho c^3) [1/(Pa m)], with beta = 1 + B/2A, for a fundamental frequency [Hz]."""
+    """Beta omega / (rho c^3) [1/(Pa m)], with beta = 1 + B/2A, for a fundamental frequency [Hz]."""
     beta = 1.0 + 0.5 * medium.nonlinearity_parameter
     return 2.0 * math.pi * fundamental * beta / (medium.density * medium.sound_speed**3)
 
@@ -72,7 +72,8 @@ def _slope(pressure: Harmonics, rate: Array) -> Harmonics:
     spectrum = jnp.pad(pressure, [(0, 0)] * (pressure.ndim - 1) + [(1, 0)])
     wave = jnp.fft.irfft(spectrum, n=n_instants, axis=-1)
     squared = jnp.fft.rfft(wave * wave, axis=-1)[..., 1 : n + 1]
-    return _broadcast(1j * 0.25 * n_instants * rate * _orders(pressure), pressure) * squared
+    grown = 0.25 * n_instants * rate * _orders(pressure)
+    return 1j * _broadcast(grown, pressure) * squared
 
 
 def shock_absorption(pressure: Harmonics, rate: Float[Array, "..."]) -> Float[Array, "*point harmonic"]:

@@ -11,8 +11,8 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from arfjax.acoustics.intensity import heat_deposition
 from arfjax.acoustics.field import HarmonicField
+from arfjax.acoustics.intensity import heat_deposition
 from arfjax.acoustics.layers import AcousticLayer
 from arfjax.acoustics.one_way import solve_field
 from arfjax.model import DoseSize, Model

@@ -15,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from arfjax.acoustics.intensity import heat_deposition, radiation_force_density
 from arfjax.acoustics.field import HarmonicField
+from arfjax.acoustics.intensity import heat_deposition, radiation_force_density
 from arfjax.acoustics.layers import AcousticLayer
 from arfjax.acoustics.one_way import solve_field
 from arfjax.laws import extrapolations

@@ -35,9 +35,7 @@ def layers():
     for name, thickness in THICKNESSES.items():
         row = TABLE_1_ACOUSTIC[name]
         lost = from_db_per_cm(row.attenuation_db_per_cm_mhz)
-        medium = AcousticMedium(
-            row.density, row.sound_speed, lost, row.absorption_exponent, row.nonlinearity_parameter
-        )
+        medium = AcousticMedium(row.density, row.sound_speed, lost, row.absorption_exponent, row.nonlinearity_parameter)
         result.append(AcousticLayer(medium, thickness))
     return result
 
