@@ -2,26 +2,59 @@
 
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
 from arfjax.acoustics.field import HarmonicField
-from arfjax.acoustics.intensity import heat_deposition, intensity, radiation_force_density
+from arfjax.acoustics.intensity import (
+    fundamental_force_density,
+    heat_deposition,
+    intensity,
+    radiation_force_density,
+)
+from arfjax.acoustics.power import power_budget
+from arfjax.acoustics.waveform import peak_pressures, readout, waveform
 from arfjax.grid import AxisymmetricGrid
 from arfjax.laws import SMALLEST_DAMAGE
 from arfjax.protocols.sonication import SonicationResult
 from arfjax.protocols.stepwise import Heating, StepwiseProtocol, StepwiseResult
 from arfjax.thermal.bioheat import TemperatureHistory, focal_temperature, on_axis
 
+MAPPED_HARMONICS = 5
+"""How many harmonics data sets hold as maps; of the others the axis and the focal plane are there."""
+
+_FEWEST_INSTANTS = 128
+_INSTANTS_PER_HARMONIC = 8
+
 VARIABLES = {
     "pressure_amplitude": ("Pa", "peak amplitude of the pressure of each harmonic"),
+    "pressure_phase": ("rad", "phase of the pressure of each harmonic, that of exp(+i omega t)"),
     "pressure_amplitude_on_axis": ("Pa", "peak amplitude of the fundamental on the axis"),
     "pressure_amplitude_focal_plane": ("Pa", "peak amplitude of the fundamental in the plane of the geometric focus"),
+    "harmonic_amplitude_on_axis": ("Pa", "peak amplitude of all harmonics on the axis"),
+    "harmonic_phase_on_axis": ("rad", "phase of all harmonics on the axis"),
+    "harmonic_amplitude_focal_plane": ("Pa", "peak amplitude of all harmonics in the plane of the geometric focus"),
+    "harmonic_phase_focal_plane": ("rad", "phase of all harmonics in the plane of the geometric focus"),
+    "peak_positive_pressure": ("Pa", "highest pressure in a period"),
+    "peak_negative_pressure": ("Pa", "lowest pressure in a period, below zero"),
+    "focal_waveform": ("Pa", "pressure at the geometric focus over a period"),
+    "peak_waveform": ("Pa", "pressure over a period where its peak is highest"),
+    "focal_spectrum": ("Pa", "peak amplitude of all harmonics at the geometric focus"),
+    "peak_spectrum": ("Pa", "peak amplitude of all harmonics where the peak positive pressure is highest"),
+    "entering_power": ("W", "acoustic power behind the layer's front, or the start plane"),
+    "leaving_power": ("W", "acoustic power in front of the layer's back, or the last position"),
+    "reflected_power": ("W", "acoustic power that does not get past the layer's front"),
+    "lost_power": ("W", "acoustic power absorbed, scattered or sent out sideways in the layer"),
     "intensity": ("W m-2", "time-averaged intensity, all harmonics"),
     "heat_deposition": ("W m-3", "absorbed power density, all harmonics"),
     "radiation_force_density": ("N m-3", "radiation force density along the axis, all harmonics"),
+    "radiation_force_density_of_intensity": (
+        "N m-3",
+        "2 alpha I / c with the attenuation of the fundamental",
+    ),
     "focal_temperature": ("degC", "temperature at the geometric focus"),
     "temperature": ("degC", "tissue temperature, at the end of the sonication where there is no time"),
     "thermal_dose": ("min", "cumulative equivalent minutes at 43 degC, at the end where there is no time"),
@@ -44,6 +77,9 @@ COORDINATES = {
     "r": ("m", "radial distance from the axis"),
     "z": ("m", "axial distance from the bowl's apex"),
     "harmonic": ("1", "number of the harmonic"),
+    "carried_harmonic": ("1", "number of the harmonic, all that were carried"),
+    "period_time": ("s", "time since the start of the period"),
+    "layer": ("1", "number of the layer from the source outwards"),
     "heat_r": ("m", "radial distance of the heat grid's cells"),
     "heat_z": ("m", "axial distance of the heat grid's cells"),
     "heating_time": ("s", "time since the start of the sonication"),
@@ -78,10 +114,10 @@ def labelled(
 def field_dataset(field: HarmonicField, focus: float) -> xr.Dataset:
     """Pressure, intensity, heat deposition and radiation force of a field, with profiles through the focus [m].
 
-    The field must hold the axis as its first radius.
+    The field must hold the axis as its first radius. Of many harmonics the first `MAPPED_HARMONICS` are there as maps.
     """
     r, z = np.asarray(field.r), np.asarray(field.z)
-    amplitude = np.abs(np.asarray(field.pressure))
+    amplitude = np.abs(np.asarray(field.pressure[:MAPPED_HARMONICS]))
     variables = {
         "pressure_amplitude": (("harmonic", "r", "z"), amplitude),
         "pressure_amplitude_on_axis": (("z",), amplitude[0, 0]),
@@ -90,7 +126,81 @@ def field_dataset(field: HarmonicField, focus: float) -> xr.Dataset:
         "heat_deposition": (("r", "z"), np.asarray(heat_deposition(field))),
         "radiation_force_density": (("r", "z"), np.asarray(radiation_force_density(field))),
     }
+    if field.pressure.shape[0] > 1:
+        peaks = jax.jit(peak_pressures)(field)
+        for name, values in zip(("peak_positive_pressure", "peak_negative_pressure"), peaks, strict=True):
+            variables[name] = (("r", "z"), np.asarray(values))
     return labelled(variables, {"r": r, "z": z, "harmonic": np.arange(1, len(amplitude) + 1)})
+
+
+def full_field_dataset(field: HarmonicField, focus: float, *, tolerance: float) -> xr.Dataset:
+    """All that a field can tell: `field_dataset`, phases, all harmonics through the focus [m], waveforms, powers.
+
+    What it was asked to be exact to, and whether it is, is in the attributes.
+    """
+    dataset = field_dataset(field, focus)
+    amplitude, phase = np.abs(field.pressure), np.angle(field.pressure)
+    plane = int(np.argmin(np.abs(np.asarray(field.z) - focus)))
+    if field.pressure.shape[0] == 1:
+        peaks = {"peak_positive_pressure": amplitude[0], "peak_negative_pressure": -amplitude[0]}
+    else:
+        peaks = {name: dataset[name].to_numpy() for name in ("peak_positive_pressure", "peak_negative_pressure")}
+    highest = np.unravel_index(np.argmax(peaks["peak_positive_pressure"]), amplitude.shape[1:])
+    budget, by_layer, by_harmonic = power_budget(field), ("layer",), ("carried_harmonic",)
+    n_instants = max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * len(amplitude))
+    focal, peak = (
+        np.asarray(waveform(readout(field.pressure[:, *place]), n_instants)) for place in ((0, plane), highest)
+    )
+    variables = {
+        "pressure_phase": (("harmonic", "r", "z"), phase[:MAPPED_HARMONICS]),
+        "harmonic_amplitude_on_axis": ((*by_harmonic, "z"), amplitude[:, 0]),
+        "harmonic_phase_on_axis": ((*by_harmonic, "z"), phase[:, 0]),
+        "harmonic_amplitude_focal_plane": ((*by_harmonic, "r"), amplitude[:, :, plane]),
+        "harmonic_phase_focal_plane": ((*by_harmonic, "r"), phase[:, :, plane]),
+        **{name: (("r", "z"), values) for name, values in peaks.items()},
+        "focal_waveform": (("period_time",), focal),
+        "peak_waveform": (("period_time",), peak),
+        "focal_spectrum": (by_harmonic, amplitude[:, 0, plane]),
+        "peak_spectrum": (by_harmonic, amplitude[:, *highest]),
+        "radiation_force_density_of_intensity": (("r", "z"), np.asarray(fundamental_force_density(field))),
+        "entering_power": (by_layer, budget.entering),
+        "leaving_power": (by_layer, budget.leaving),
+        "reflected_power": (by_layer, budget.reflected),
+        "lost_power": (by_layer, budget.lost),
+    }
+    coordinates = {
+        **{str(name): values.to_numpy() for name, values in dataset.coords.items()},
+        "carried_harmonic": np.arange(1, len(amplitude) + 1),
+        "period_time": np.arange(n_instants) / (n_instants * float(field.frequency[0])),
+        "layer": np.arange(1, len(field.layer_power) + 1),
+    }
+    dataset = dataset.merge(labelled(variables, coordinates), compat="equals", join="exact")
+    dataset.attrs |= _field_attributes(field, dataset, highest, tolerance)
+    return dataset
+
+
+def _field_attributes(
+    field: HarmonicField, dataset: xr.Dataset, highest: tuple[np.intp, ...], tolerance: float
+) -> dict[str, str | float | int]:
+    """Peaks, the two formulas of force, and how far the numbers can be trusted."""
+    force = dataset["radiation_force_density"].to_numpy()
+    strongest = np.unravel_index(np.argmax(force), force.shape)
+    simple = dataset["radiation_force_density_of_intensity"].to_numpy()[strongest]
+    convergence, shortcoming = field.convergence, field.convergence.shortcoming(tolerance)
+    return {
+        "fundamental_hz": float(field.frequency[0]),
+        "n_harmonics": len(field.frequency),
+        "peak_positive_pressure_pa": float(dataset["peak_positive_pressure"].max()),
+        "peak_positive_pressure_r_m": float(field.r[highest[0]]),
+        "peak_positive_pressure_z_m": float(field.z[highest[1]]),
+        "peak_negative_pressure_pa": float(dataset["peak_negative_pressure"].min()),
+        "spatial_peak_temporal_average_intensity_w_m2": float(dataset["intensity"].max()),
+        "peak_heat_deposition_w_m3": float(dataset["heat_deposition"].max()),
+        "radiation_force_of_intensity_relative_difference": float(simple / force[strongest] - 1.0),
+        "tolerance": tolerance,
+        "tolerance_statement": f"not reached: {shortcoming}" if shortcoming else "reached",
+        **{f"convergence_{name}": float(getattr(convergence, name)) for name in convergence.__dataclass_fields__},
+    }
 
 
 def heating_dataset(heating: Heating, grid: AxisymmetricGrid) -> xr.Dataset:

@@ -52,6 +52,7 @@ class Tissue(eqx.Module):
         perfusion_rate: Volume of blood per volume of tissue and time [1/s].
         metabolic_heat: Heat that tissue makes itself [W/m^3].
         viscoelasticity: Zener constants; None for a layer whose motion is not simulated.
+        absorption_fraction: Share of attenuation that is absorption and heats; the rest scatters [1].
     """
 
     density: TemperatureLaw
@@ -64,6 +65,7 @@ class Tissue(eqx.Module):
     perfusion_rate: TemperatureLaw
     metabolic_heat: TemperatureLaw = Constant(0.0, unit="W/m^3", source="left out, as small beside ultrasound")
     viscoelasticity: ViscoelasticLaw | None = None
+    absorption_fraction: TemperatureLaw = Constant(1.0, unit="1", source="all attenuation absorbs, as in the paper")
 
     def acoustic(self, temperature: Temperature, dose: Temperature = 0.0) -> AcousticMedium:
         """Acoustic constants at a temperature [degC] and after a thermal dose [equivalent min at 43 degC]."""
@@ -73,6 +75,7 @@ class Tissue(eqx.Module):
             attenuation=self.attenuation(temperature, dose),
             absorption_exponent=self.absorption_exponent(temperature, dose),
             nonlinearity_parameter=self.nonlinearity_parameter,
+            absorption_fraction=self.absorption_fraction(temperature, dose),
         )
 
     def thermal(self, temperature: Temperature, dose: Temperature = 0.0) -> ThermalMedium:

@@ -3,10 +3,13 @@
 import re
 from pathlib import Path
 
+import equinox as eqx
 import numpy as np
 import pytest
 
 from arfjax import DoseSize, InputError, ShearModulus, TabulatedSize, YoungModulus, discretise, read_experiment
+from arfjax.acoustics.diffraction import ExactOneWay, Pade11, Pade12, Parabolic
+from arfjax.acoustics.sources.projected_bowl import ProjectedBowl
 from inverse.datasets.shipped import shipped
 from tests.mutations import mutations
 
@@ -106,6 +109,37 @@ def test_the_sonication_of_the_example_and_its_choices(tmp_path):
     assert float(model.liver.conductivity(90.0)) > 1.4 * float(model.liver.conductivity(37.0))
 
 
+def test_the_choices_of_acoustics(tmp_path):
+    plain = read_experiment(EXAMPLE)
+    assert plain.acoustics.nonlinear is None and plain.acoustics.tolerance == 1e-3
+    default, standard = plain.discretised(plain.model()), discretise(plain.model())
+    assert eqx.tree_equal(default, standard)  # linear, the exact operator, the true bowl
+    lines = 'nonlinear = true\nharmonics = 24\ndiffraction = "pade12"\nsource = "projected"'
+    described = read_experiment(write(tmp_path, changed(acoustics(lines))))
+    assert isinstance(described.acoustics.operator(), Pade12)
+    for name, operator in (("pade11", Pade11), ("parabolic", Parabolic)):
+        other = read_experiment(write(tmp_path, changed(acoustics(f'diffraction = "{name}"'))))
+        assert type(other.acoustics.operator()) is operator
+        settings = other.discretised(other.model())
+        assert type(settings.diffraction) is operator and settings.march == standard.march
+    along_axis = read_experiment(write(tmp_path, changed(acoustics('steepening = "along-axis"')))).acoustics.operator()
+    assert along_axis == ExactOneWay(steepening_along_ray=False) != plain.acoustics.operator()
+    projected = read_experiment(write(tmp_path, changed(acoustics('source = "projected"'))))
+    source = projected.discretised(projected.model()).source(projected.model())
+    assert isinstance(source, ProjectedBowl) and source.plane == pytest.approx(8.797e-3, abs=1e-6)
+
+
+def test_a_source_pressure_is_the_power_that_it_sends_out(tmp_path):
+    """0.217114 MPa and 50 W are one drive in water of 1.482 MPa s/m."""
+    text = changed(("acoustic_power_w = 50.0", "source_pressure_kpa = 217.1142"))
+    described = read_experiment(write(tmp_path, text))
+    drive = described.model().drive
+    assert drive.acoustic_power == pytest.approx(50.0, rel=1e-5)
+    assert float(drive.source_pressure(described.model().bowl, 1.482e6)) == pytest.approx(217114.2, rel=1e-12)
+    assert described.model_at(7.0).drive.acoustic_power == 7.0
+    assert described.model_at(7.0).drive.frequency == drive.frequency
+
+
 UNKNOWN = {
     "top": (("title", "titel"), "unknown key `titel`; did you mean `title`?"),
     "section": (("[mechanics]", "[mechanic]"), "unknown key `mechanic`; did you mean `mechanics`?"),
@@ -145,7 +179,6 @@ def test_unknown_keys_are_refused_with_the_nearest_known_one(tmp_path, replaceme
         "outer_diameter_mm = 64.0\n",
         "focal_length_mm = 62.6\n",
         "frequency_mhz = 1.1\n",
-        "acoustic_power_w = 50.0",
         f"temperatures_c = {TEMPERATURES}\n",
         "normalised_at_c = 35.0\n",
     ],
@@ -166,6 +199,13 @@ def test_missing_sections_and_entries(tmp_path):
 
 
 FOCAL = "focal_length_mm = 62.6"
+
+
+def acoustics(lines):
+    """A change of the example: with a section on acoustics."""
+    return "[mechanics]", f"[acoustics]\n{lines}\n\n[mechanics]"
+
+
 WRONG = {
     "number as text": (
         (FOCAL, 'focal_length_mm = "62.6"'),
@@ -229,6 +269,38 @@ WRONG = {
     "seconds": (
         ("push_ms = 0.5", "push_ms = 0.0005"),
         "`protocol.push_ms`: expected 0.01 to 20 ms, got 0.0005; is it in seconds?",
+    ),
+    "no drive": (
+        ("acoustic_power_w = 50.0", ""),
+        "`transducer`: expected exactly one of acoustic_power_w, source_pressure_kpa, got none",
+    ),
+    "two drives": (
+        ("acoustic_power_w = 50.0", "acoustic_power_w = 50.0\nsource_pressure_kpa = 217.0"),
+        "got acoustic_power_w and source_pressure_kpa; how strongly is it driven?",
+    ),
+    "source pressure in pascal": (
+        ("acoustic_power_w = 50.0", "source_pressure_kpa = 217114.0"),
+        "`transducer.source_pressure_kpa`: expected 0.01 to 100000 kPa, got 217114; is it in pascal?",
+    ),
+    "too few harmonics": (acoustics("harmonics = 2"), "`acoustics.harmonics`: expected 4 to 1024 harmonics, got 2"),
+    "too many harmonics": (acoustics("harmonics = 5000"), "got 5000; leave it out and they are chosen by `tolerance`"),
+    "half a harmonic": (acoustics("harmonics = 32.5"), "`acoustics.harmonics`: expected a whole number, got 32.5"),
+    "harmonics of linear sound": (
+        acoustics("nonlinear = false\nharmonics = 32"),
+        "`acoustics`: harmonics 32 cannot be carried by linear sound; leave harmonics out or set nonlinear = true",
+    ),
+    "text for nonlinear": (acoustics('nonlinear = "yes"'), "`acoustics.nonlinear`: expected true or false, got 'yes'"),
+    "tolerance in percent": (
+        acoustics("tolerance = 1.0"),
+        "`acoustics.tolerance`: expected 1e-06 to 0.1, got 1; it is relative: 0.001 is 0.1 percent",
+    ),
+    "unknown operator": (
+        acoustics('diffraction = "kzk"'),
+        "`acoustics.diffraction`: expected 'exact', 'pade12', 'pade11' or 'parabolic', got 'kzk'",
+    ),
+    "steepening along rays of an operator without": (
+        acoustics('diffraction = "parabolic"\nsteepening = "along-ray"'),
+        '`acoustics`: steepening "along-ray" needs diffraction "exact": "parabolic" has only "along-axis"',
     ),
     "negative thickness": (
         ("thickness_mm = 2.0", "thickness_mm = -2.0"),

@@ -22,6 +22,7 @@ UNITS = {
     "specific_heat": "J/(kg K)",
     "perfusion_rate": "1/s",
     "metabolic_heat": "W/m^3",
+    "absorption_fraction": "1",
 }
 VARIANTS = {
     "as named": lambda tissue: tissue,
@@ -106,3 +107,10 @@ def test_warming_says_where_it_was_not_measured(name, inside, outside):
     for temperature in outside:
         with pytest.warns(ExtrapolationWarning, match=f"extrapolated to {temperature:g} degC"):
             assert np.isfinite(law(temperature))
+
+
+def test_all_attenuation_absorbs_unless_said_otherwise():
+    liver = tissues.liver()
+    assert float(liver.acoustic(50.0).absorption_fraction) == 1.0
+    scattering = dataclasses.replace(liver, absorption_fraction=Linear(0.8, -0.01, 37.0, unit="1", source="test"))
+    assert float(scattering.acoustic(47.0).absorption_fraction) == pytest.approx(0.7)

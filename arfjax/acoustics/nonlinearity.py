@@ -9,13 +9,14 @@ alone, in proportion to what a shock would leave there:
 $$ \alpha_n = 3 N g \frac{S^2}{A} q(n/N), \quad A^2 = \sum |p_n|^2, \quad
    S^2 = \langle n^2 |p_n|^2 \rangle_{n \ge N/2}, \quad q(x) = (\max(x - 0.3, 0) / 0.7)^4 $$
 
-Where the spectrum is resolved S is rounding and nothing is absorbed; at a shock, whose n |p_n| is the same for all n, the
-loss comes out as weak-shock theory has it, and is deposited as heat like any other. After the spectral vanishing
-viscosity of Tadmor, SIAM J. Numer. Anal. 26 (1989) 30; the sensor and the constants are from tests against Blackstock's
-solution, whose error is flat about them.
+Where the spectrum is resolved S is rounding and nothing is absorbed; at a shock, whose n |p_n| is the same for all n,
+the loss comes out as weak-shock theory has it, and is deposited as heat like any other. After the spectral vanishing
+viscosity of Tadmor, SIAM J. Numer. Anal. 26 (1989) 30; the sensor and the constants are from tests against
+Blackstock's solution, whose error is flat about them.
 """
 
 import math
+from typing import cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -67,7 +68,7 @@ def _runge_kutta(pressure: Harmonics, step: Array, rate: Array) -> Harmonics:
 def _slope(pressure: Harmonics, rate: Array) -> Harmonics:
     """g/2 d(p^2)/dtheta, of each harmonic that is kept."""
     n = pressure.shape[-1]
-    n_instants = next_fast_len(3 * n + 1, real=True)
+    n_instants = cast(int, next_fast_len(3 * n + 1, real=True))
     # p is the real part of a sum; the transform takes half of each harmonic and divides by the number of instants.
     spectrum = jnp.pad(pressure, [(0, 0)] * (pressure.ndim - 1) + [(1, 0)])
     wave = jnp.fft.irfft(spectrum, n=n_instants, axis=-1)

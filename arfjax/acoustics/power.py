@@ -1,10 +1,12 @@
-"""The power that a field carries through a plane."""
+"""The power that a field carries through a plane, and where it goes."""
 
 import math
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from arfjax.acoustics.field import HarmonicField
 from arfjax.media import Scalar
 from arfjax.numerics.hankel import HankelBasis
 
@@ -52,3 +54,28 @@ def plane_wave_power(
     """
     square = amplitude.real**2 + amplitude.imag**2
     return math.pi * jnp.sum(jnp.asarray(basis.norms, dtype=float)[None, :] * square, axis=1) / impedance
+
+
+class PowerBudget(eqx.Module):
+    """Where the power of a beam goes, layer by layer up to the last axial position of the field.
+
+    Attributes:
+        entering: Behind each layer's front, or the start plane [W].
+        leaving: In front of each layer's back, or the last position [W].
+        reflected: What does not get past each layer's front [W]. As the march reflects at all angles what it would at
+            normal incidence, refraction adds to it or makes up for it, and it may be below zero. None for the first
+            layer.
+        lost: Absorbed, scattered or sent out sideways inside each layer [W].
+    """
+
+    entering: Float[Array, " layer"]
+    leaving: Float[Array, " layer"]
+    reflected: Float[Array, " layer"]
+    lost: Float[Array, " layer"]
+
+
+def power_budget(field: HarmonicField) -> PowerBudget:
+    """Where a field's power goes; the entering power is the sum of all that is lost, reflected and leaves at last."""
+    entering, leaving = field.layer_power[:, 0], field.layer_power[:, 1]
+    reflected = jnp.concatenate([jnp.zeros_like(leaving[:1]), leaving[:-1] - entering[1:]])
+    return PowerBudget(entering, leaving, reflected, entering - leaving)

@@ -14,16 +14,18 @@ from pydantic import Field, Strict, model_validator
 
 from arfjax import tissues
 from arfjax.errors import InputError
+from arfjax.experiment.acoustics import AcousticsSection
 from arfjax.experiment.messages import EXAMPLE, explain
 from arfjax.experiment.numbers import Celsius, Millimetres, Number, Section, between
 from arfjax.experiment.sonication import SonicationSection
 from arfjax.mechanics.viscoelastic import ShearModulus, YoungModulus
 from arfjax.model import DoseSize, Layer, Lesion, Model, tabulated_size
-from arfjax.protocols.discretisation import RIM_TO_HEAT, RIM_TO_START, relative_wavelengths
+from arfjax.protocols.discretisation import RIM_TO_HEAT, RIM_TO_START, Discretisation, relative_wavelengths
 from arfjax.protocols.stepwise import StepwiseProtocol
 from arfjax.transducer import Drive, FocusedBowl
 
 _FOCUS_MARGIN_MM = 1.0  # two of the finest elements
+_DRIVES = ("acoustic_power_w", "source_pressure_kpa")
 _MOST_RELATIVE_WAVELENGTHS = 16.0  # more need matrices of gigabytes
 
 
@@ -34,7 +36,16 @@ class Transducer(Section):
     inner_diameter_mm: Annotated[Number, between(0.0, 1000.0, "mm", "give millimetres")] = 0.0
     focal_length_mm: Millimetres
     frequency_mhz: Annotated[Number, between(0.05, 20.0, "MHz", "is it in Hz or kHz? Give MHz")]
-    acoustic_power_w: Annotated[Number, between(1e-3, 1e4, "W", "give watts")]
+    acoustic_power_w: Annotated[Number, between(1e-3, 1e4, "W", "give watts")] | None = None
+    source_pressure_kpa: Annotated[Number, between(1e-2, 1e5, "kPa", "is it in pascal? Give kilopascal")] | None = None
+
+    @model_validator(mode="after")
+    def _driven_once(self) -> "Transducer":
+        given = [name for name in _DRIVES if getattr(self, name) is not None]
+        if len(given) != 1:
+            names = " and ".join(given) or "none"
+            raise ValueError(f"expected exactly one of {', '.join(_DRIVES)}, got {names}; how strongly is it driven?")
+        return self
 
     @model_validator(mode="after")
     def _geometry_is_possible(self) -> "Transducer":
@@ -68,6 +79,14 @@ class Transducer(Section):
                 "can be simulated, so reduce one of the two"
             )
         return self
+
+    def bowl(self) -> FocusedBowl:
+        """Its geometry."""
+        return FocusedBowl(
+            aperture_radius=0.5e-3 * self.outer_diameter_mm,
+            hole_radius=0.5e-3 * self.inner_diameter_mm,
+            focal_length=1e-3 * self.focal_length_mm,
+        )
 
     @property
     def rim_depth_mm(self) -> float:
@@ -129,6 +148,7 @@ class Experiment(Section):
     mechanics: Mechanics = Mechanics()
     lesion: LesionSection = LesionSection()
     protocol: Protocol
+    acoustics: AcousticsSection = AcousticsSection()
     sonication: SonicationSection = SonicationSection()
     calibration: dict[str, Any] = {}
 
@@ -156,16 +176,12 @@ class Experiment(Section):
         return self
 
     def model(self) -> Model:
-        """The model that the file describes."""
+        """The model that the file describes; a source pressure is taken for the power that it sends out."""
         device = self.transducer
         layers = [Layer(_tissue(section), 1e-3 * section.thickness_mm) for section in self.layers]
         return Model(
-            bowl=FocusedBowl(
-                aperture_radius=0.5e-3 * device.outer_diameter_mm,
-                hole_radius=0.5e-3 * device.inner_diameter_mm,
-                focal_length=1e-3 * device.focal_length_mm,
-            ),
-            drive=Drive(frequency=1e6 * device.frequency_mhz, acoustic_power=device.acoustic_power_w),
+            bowl=device.bowl(),
+            drive=Drive(1e6 * device.frequency_mhz, self._acoustic_power(layers[0].tissue)),
             path=tuple(layers[:-1]),
             liver=layers[-1].tissue,
             liver_thickness=layers[-1].thickness,
@@ -176,6 +192,15 @@ class Experiment(Section):
             poisson_ratio=self.mechanics.poisson_ratio,
         )
 
+    def _acoustic_power(self, medium: tissues.Tissue) -> float:
+        """Power [W] that the transducer sends into the first layer."""
+        device, temperature = self.transducer, self.protocol.temperatures_c[0]
+        if device.source_pressure_kpa is None:
+            assert device.acoustic_power_w is not None  # one of the two is given
+            return device.acoustic_power_w
+        impedance = medium.density(temperature) * medium.sound_speed(temperature)
+        return float((1e3 * device.source_pressure_kpa) ** 2 * device.bowl().area / (2.0 * impedance))
+
     def stepwise(self) -> StepwiseProtocol:
         """The protocol that the file describes."""
         return StepwiseProtocol(
@@ -185,11 +210,24 @@ class Experiment(Section):
             push_duration=1e-3 * self.protocol.push_ms,
         )
 
+    def discretised(self, model: Model, temperature: float | None = None) -> Discretisation:
+        """Grids, mesh and steps for the model, its sound as the file's [acoustics] has it, linear if it does not say.
+
+        Harmonics and steps of nonlinear sound are chosen with all tissue at `temperature` [degC], by default the
+        protocol's first; not for `jit`.
+        """
+        temperature = self.protocol.temperatures_c[0] if temperature is None else temperature
+        return self.acoustics.discretise(model, temperature)
+
     def sonicated(self) -> Model:
         """The model at the sonication's power."""
-        model = self.model()
         power = self.sonication.acoustic_power_w
-        return model if power is None else dataclasses.replace(model, drive=Drive(model.drive.frequency, power))
+        return self.model() if power is None else self.model_at(power)
+
+    def model_at(self, acoustic_power: float) -> Model:
+        """The model at another power [W]."""
+        model = self.model()
+        return dataclasses.replace(model, drive=Drive(model.drive.frequency, acoustic_power))
 
 
 def read_experiment(path: str | Path) -> Experiment:

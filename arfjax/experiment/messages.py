@@ -25,6 +25,7 @@ def explain(error: pydantic.ValidationError, schema: type[BaseModel]) -> str:
 
 _EXPECTED = {
     "float_type": "a number",
+    "int_type": "a whole number",
     "finite_number": "a finite number",
     "bool_type": "true or false",
     "string_type": "text in quotation marks",

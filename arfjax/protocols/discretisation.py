@@ -1,13 +1,20 @@
 """Grids, mesh and steps on which a protocol runs, made for one geometry."""
 
 import math
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from arfjax.acoustics.diffraction import Diffraction, ExactOneWay
+from arfjax.acoustics.field import HarmonicField
+from arfjax.acoustics.layers import AcousticLayer
+from arfjax.acoustics.one_way import solve_field
 from arfjax.acoustics.settings import MarchSettings
+from arfjax.acoustics.sources.base import Source
+from arfjax.acoustics.sources.projected_bowl import ProjectedBowl
 from arfjax.acoustics.variation import MediumVariation
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid, graded_positions
@@ -15,6 +22,7 @@ from arfjax.laws import Temperature
 from arfjax.mechanics.mesh import Mesh
 from arfjax.model import Layer, Model
 from arfjax.thermal.bioheat import ThermalField
+from arfjax.transducer import FocusedBowl
 
 LIVER_RADIUS = 21e-3  # m; the paper's liver is 42 mm wide
 RIM_TO_START = 3.2e-3  # m; from the bowl's rim to the march's start
@@ -36,9 +44,12 @@ class Discretisation(eqx.Module):
         focus: Axial position at which displacement and temperature are read: the geometric focus [m].
         heat_grid: Cells of the bioheat equation.
         mesh: Elements of the liver.
-        march: Settings of the sound field's march.
+        march: Settings of the sound field's march; linear sound if it carries one harmonic.
         n_heat_steps: Time steps of the sonication.
         n_push_steps: Time steps of a push of 0.5 ms; a longer one takes more of the same length.
+        diffraction: The sound field's one-way operator.
+        source_plane: Where the bowl's converging wave is given, as other codes have it [m]; None for its true
+            radiation.
     """
 
     focus: float = eqx.field(static=True)
@@ -48,6 +59,33 @@ class Discretisation(eqx.Module):
     march: MarchSettings
     n_heat_steps: int = eqx.field(static=True)
     n_push_steps: int = eqx.field(static=True)
+    diffraction: Diffraction = ExactOneWay()
+    source_plane: float | None = eqx.field(static=True, default=None)
+
+    def sound_field(
+        self,
+        model: Model,
+        layers: Sequence[AcousticLayer],
+        *,
+        r: Float[np.ndarray, " r"],
+        z: Float[np.ndarray, " z"],
+        variation: MediumVariation | None = None,
+    ) -> HarmonicField:
+        """Sound field of the model's transducer in `layers`, at radii r and depths z [m]."""
+        return solve_field(
+            self.source(model),
+            model.drive,
+            layers,
+            r=r,
+            z=z,
+            diffraction=self.diffraction,
+            settings=self.march,
+            variation=variation,
+        )
+
+    def source(self, model: Model) -> FocusedBowl | Source:
+        """The model's transducer, as it radiates here."""
+        return model.bowl if self.source_plane is None else ProjectedBowl(model.bowl, self.source_plane)
 
     def thermal_field(self, model: Model, temperature: Temperature, dose: Temperature = 0.0) -> ThermalField:
         """Thermal constants of every cell at its temperature [degC] and dose [min], or at one for all."""
@@ -65,7 +103,7 @@ class Discretisation(eqx.Module):
         """By how much attenuation and sound speed of every cell depart from those of fresh tissue at `reference`.
 
         Both are held at the ends of their laws' ranges. Density and the exponent of attenuation stay those of
-        `reference`: their laws do not feed back on the field.
+        `reference`, and so does the share of attenuation that is absorption: their laws do not feed back on the field.
 
         Args:
             model: The model.
@@ -132,6 +170,12 @@ def discretise(model: Model, *, refinement: float = 1.0) -> Discretisation:
         n_heat_steps=max(round(120 * refinement), 1),
         n_push_steps=max(round(25 * refinement), 1),
     )
+
+
+def layers_at(model: Model, temperature: Temperature, path_temperature: Temperature) -> list[AcousticLayer]:
+    """The model's layers for the sound field, liver at one temperature and the path at another [degC]."""
+    path = [AcousticLayer(layer.tissue.acoustic(path_temperature), layer.thickness) for layer in model.path]
+    return [*path, AcousticLayer(model.liver.acoustic(temperature), model.liver_thickness)]
 
 
 def march_settings(model: Model, refinement: float = 1.0) -> MarchSettings:

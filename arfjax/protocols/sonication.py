@@ -13,10 +13,8 @@ from jaxtyping import Array, Float
 
 from arfjax.acoustics.field import HarmonicField
 from arfjax.acoustics.intensity import heat_deposition
-from arfjax.acoustics.layers import AcousticLayer
-from arfjax.acoustics.one_way import solve_field
 from arfjax.model import DoseSize, Model
-from arfjax.protocols.discretisation import Discretisation
+from arfjax.protocols.discretisation import Discretisation, layers_at
 from arfjax.thermal.adaptive import solve_adaptively
 from arfjax.thermal.bioheat import Phase, TemperatureHistory, boiling_time, focal_temperature
 from arfjax.thermal.conduction import Walls
@@ -45,7 +43,8 @@ class Sonication(eqx.Module):
     """What is done to the tissue.
 
     Attributes:
-        phases: Heating and cooling, one after the other; powers are factors on the drive's acoustic power.
+        phases: Heating and cooling, one after the other; powers are factors on the heat of the drive's acoustic power,
+            which where sound is nonlinear is not the heat of that other power.
         start_temperature: Of all tissue and of blood [degC].
         field_tolerance: How far temperature may move anywhere before the field is computed again [K]; infinite for
             the field of the start throughout.
@@ -157,6 +156,5 @@ def sonication_field(
 ) -> HarmonicField:
     """Sound field at radii r and depths z [m] in tissue of these temperatures [degC] and doses [min]."""
     start = sonication.start_temperature
-    layers = [AcousticLayer(layer.tissue.acoustic(start), layer.thickness) for layer in model.layers]
     variation = settings.acoustic_variation(model, temperature, dose, reference=start)
-    return solve_field(model.bowl, model.drive, layers, r=r, z=z, settings=settings.march, variation=variation)
+    return settings.sound_field(model, layers_at(model, start, start), r=r, z=z, variation=variation)

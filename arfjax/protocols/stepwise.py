@@ -6,7 +6,8 @@ displacement at the geometric focus at its end is what the step gives.
 
 The paper states neither the power nor the time course of the heating, but that a 60 s sonication takes the focus
 from 35 to 70 degC. So the bioheat equation is solved with the heat deposition of the field at the start temperature
-and scaled, exactly because it is linear, to reach the last temperature at the end of the sonication.
+and scaled, exactly because it is linear, to reach the last temperature at the end of the sonication. Where sound is
+nonlinear that is still the heat of the model's own power, scaled: set the power near what `Heating` says it takes.
 """
 
 import equinox as eqx
@@ -17,15 +18,13 @@ from jaxtyping import Array, Float
 
 from arfjax.acoustics.field import HarmonicField
 from arfjax.acoustics.intensity import heat_deposition, radiation_force_density
-from arfjax.acoustics.layers import AcousticLayer
-from arfjax.acoustics.one_way import solve_field
 from arfjax.laws import extrapolations
 from arfjax.mechanics.dynamics import PushResult, PushSettings, solve_push
 from arfjax.mechanics.material import ellipsoid_depth, liver_with_lesion
 from arfjax.media import Scalar
 from arfjax.model import Model, TabulatedSize
 from arfjax.numerics.derivatives import forward_by_reverse
-from arfjax.protocols.discretisation import Discretisation
+from arfjax.protocols.discretisation import Discretisation, layers_at
 from arfjax.thermal.bioheat import Phase, focal_temperature, solve_bioheat
 from arfjax.thermal.dose import cumulative_equivalent_minutes
 from arfjax.thermal.lesion import LesionSize, lesion_size
@@ -98,9 +97,7 @@ def layered_field(
     z: Float[np.ndarray, " z"],
 ) -> HarmonicField:
     """Sound field at radii r and depths z [m], the liver at `temperature` and the path at the start temperature."""
-    path = [AcousticLayer(layer.tissue.acoustic(protocol.start_temperature), layer.thickness) for layer in model.path]
-    liver = AcousticLayer(model.liver.acoustic(temperature), model.liver_thickness)
-    return solve_field(model.bowl, model.drive, [*path, liver], r=r, z=z, settings=settings.march)
+    return settings.sound_field(model, layers_at(model, temperature, protocol.start_temperature), r=r, z=z)
 
 
 def simulate_heating(model: Model, protocol: StepwiseProtocol, settings: Discretisation) -> Heating:

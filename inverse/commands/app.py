@@ -6,6 +6,7 @@ import typer
 
 import arfjax
 from inverse.commands.calibrate import calibrate
+from inverse.commands.field import field_command
 from inverse.commands.fit_dma import fit_dma
 from inverse.commands.fit_heating import fit_heating_command
 from inverse.commands.reproduce import reproduce
@@ -21,6 +22,7 @@ app = typer.Typer(
     help="Simulation and calibration of radiation-force displacement in tissue heated by focused ultrasound.",
 )
 app.command()(simulate)
+app.command("field")(field_command)
 app.command("sonicate")(sonicate_command)
 app.command()(calibrate)
 app.command("fit-dma")(fit_dma)

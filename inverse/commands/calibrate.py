@@ -18,7 +18,6 @@ from arfjax import (
     InputError,
     Model,
     StepwiseProtocol,
-    discretise,
     explain,
     range_notes,
     read_experiment,
@@ -45,9 +44,10 @@ def calibrate(
     described = read_experiment(experiment)
     settings = _settings(described, experiment)
     measured = read_hmi(hmi)
-    model, discretisation = described.model(), discretise(described.model())
+    model = described.model()
     with output_directory(out) as folder:
         with working("compiling the simulation chain and its gradient") as say:
+            discretisation = described.discretised(model)
             fit = fit_hmi(
                 model,
                 measured,
@@ -62,7 +62,7 @@ def calibrate(
         _write_parameters(folder / "parameters.csv", fit)
         write_netcdf(curves, folder / "calibration.nc")
         figures = write_figures(folder, {"calibration": draw_calibration(measured, fit, curves)})
-        notes = _notes(fit, measured, curves)
+        notes = _notes(fit, measured, curves, discretisation)
         (folder / "report.md").write_text(_report(described, measured, fit, figures, notes), encoding="utf-8")
         write_summary(
             folder,
@@ -114,7 +114,7 @@ def _curves(
 
 
 _SIMULATED = (
-    "What is compared: one short push at each temperature, linear sound at {frequency:g} MHz, heat with the blood flow "
+    "What is compared: one short push at each temperature, {kind} sound at {frequency:g} MHz, heat with the blood flow "
     "of the experiment file. Measured HMI is oscillation under modulated sound, often of another transducer: read the "
     "constants as those with which this simulation has the measured shape."
 )
@@ -163,7 +163,7 @@ def _misfit(fit: HmiFit, measured: HmiData) -> tuple[float, float, str]:
     return (before, after, "percent") if measured.in_percent else (1e6 * before, 1e6 * after, "um")
 
 
-def _notes(fit: HmiFit, measured: HmiData, curves: xr.Dataset) -> list[str]:
+def _notes(fit: HmiFit, measured: HmiData, curves: xr.Dataset, settings: Discretisation) -> list[str]:
     before, after, unit = _misfit(fit, measured)
     notes = [
         f"The optimisation {fit.descent.message}."
@@ -183,7 +183,8 @@ def _notes(fit: HmiFit, measured: HmiData, curves: xr.Dataset) -> list[str]:
     notes += range_notes(fit.model, after["step_temperature"].to_numpy(), after["lesion_length"].to_numpy())
     if not fit.noise_settled:
         notes.append("THE ESTIMATE OF THE SCATTER DID NOT SETTLE; give standard deviations in the file.")
-    notes.append(_SIMULATED.format(frequency=1e-6 * float(fit.model.drive.frequency)))
+    kind = "linear" if settings.march.n_harmonics == 1 else "nonlinear"
+    notes.append(_SIMULATED.format(kind=kind, frequency=1e-6 * float(fit.model.drive.frequency)))
     if measured.ignored:
         notes.append(f"Columns not used: {', '.join(measured.ignored)}.")
     return notes

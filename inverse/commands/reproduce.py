@@ -13,12 +13,11 @@ import typer
 
 from arfjax import (
     DoseSize,
+    Experiment,
     InputError,
     Model,
-    StepwiseProtocol,
     StepwiseResult,
     TabulatedSize,
-    discretise,
     range_notes,
     read_experiment,
     run_stepwise,
@@ -69,7 +68,7 @@ def reproduce(
                 model = dataclasses.replace(
                     described.model(), lesion=dataclasses.replace(described.model().lesion, size=size)
                 )
-                runs[label] = _run(model, described.stepwise())
+                runs[label] = _run(model, described)
                 rows += reproduction.displacement_rows(runs[label], size)
             rows += reproduction.lesion_size_rows(runs["dose"])
         _write_rows(folder / "reproduction.csv", rows)
@@ -98,8 +97,8 @@ def reproduce(
     show_lines([*notes, f"written to {out}"])
 
 
-def _run(model: Model, protocol: StepwiseProtocol) -> StepwiseResult:
-    settings = discretise(model)
+def _run(model: Model, described: Experiment) -> StepwiseResult:
+    protocol, settings = described.stepwise(), described.discretised(model)
     return eqx.filter_jit(lambda model: run_stepwise(model, jnp.asarray(_TEMPERATURES), protocol, settings))(model)
 
 

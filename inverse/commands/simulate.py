@@ -18,7 +18,6 @@ from arfjax import (
     StepwiseResult,
     TemperatureHistory,
     boiling_time,
-    discretise,
     layered_field,
     range_notes,
     read_experiment,
@@ -27,7 +26,7 @@ from arfjax import (
 )
 from arfjax.io import field_dataset, heating_dataset, stepwise_dataset, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
-from inverse.commands.notes import boiling_notes
+from inverse.commands.notes import boiling_notes, scaling_notes
 from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 
 _FIELD_RADIUS = 20e-3  # m
@@ -43,10 +42,11 @@ def simulate(
     Writes simulation.nc, figures (PNG and PDF), report.md and summary.json into the folder `out`.
     """
     described = read_experiment(experiment)
-    model, settings = described.model(), discretise(described.model())
+    model = described.model()
     with output_directory(out) as folder:
         with progress_bar(3) as step:
             step("sound field")
+            settings = described.discretised(model)
             field = display_field(model, described, settings)
             step("heating")
             protocol = described.stepwise()
@@ -59,7 +59,8 @@ def simulate(
         )
         data.attrs |= {
             "title": described.title,
-            "acoustic_power_w": described.transducer.acoustic_power_w,
+            "acoustic_power_w": float(model.drive.acoustic_power),
+            "n_harmonics": settings.march.n_harmonics,
             "arfjax_version": arfjax.__version__,
         }
         write_netcdf(data, folder / "simulation.nc")
@@ -74,6 +75,7 @@ def simulate(
         notes = range_notes(model, np.asarray(result.temperature), np.asarray(result.lesion_length))
         course = TemperatureHistory(heating.time, heating.temperature)
         notes += boiling_notes(boiling_time(course, settings.heat_grid))
+        notes += scaling_notes(settings, float(heating.acoustic_power / model.drive.acoustic_power))
         (folder / "report.md").write_text(_report(described, data, heating, figures, notes), encoding="utf-8")
         write_summary(
             folder,
@@ -156,16 +158,16 @@ def _results(data: xr.Dataset, heating: Heating) -> dict[str, dict[str, Any]]:
 
 
 def _report(described: Experiment, data: xr.Dataset, heating: Heating, figures: list[str], notes: list[str]) -> str:
-    results = _results(data, heating)
+    results, power = _results(data, heating), f"{data.attrs['acoustic_power_w']:g}"
+    kind = "Linear field: peak" if data.attrs["n_harmonics"] == 1 else "Nonlinear field: fundamental up to"
     lines = [
         f"# {described.title}",
         "",
-        f"Linear field: peak {1e-6 * results['peak_pressure']['value']:.3f} MPa at "
-        f"{1e3 * results['peak_position']['value']:.1f} mm from the apex, for "
-        f"{described.transducer.acoustic_power_w:g} W of acoustic power. "
+        f"{kind} {1e-6 * results['peak_pressure']['value']:.3f} MPa at "
+        f"{1e3 * results['peak_position']['value']:.1f} mm from the apex, for {power} W of acoustic power. "
         f"A sonication of {described.protocol.sonication_s:g} s that ends at {described.protocol.temperatures_c[-1]:g} "
         f"degC takes {float(heating.acoustic_power):.1f} W. The field and the pushes are those of "
-        f"{described.transducer.acoustic_power_w:g} W.",
+        f"{power} W.",
         "",
         "| " + " | ".join(_HEADER) + " |",
         "|" + " ---: |" * len(_HEADER),

@@ -21,7 +21,6 @@ from arfjax import (
     Model,
     SonicationResult,
     TemperatureHistory,
-    discretise,
     extrapolations,
     lesion_size,
     read_experiment,
@@ -31,7 +30,7 @@ from arfjax import (
 )
 from arfjax.io import field_dataset, sonication_dataset, write_netcdf
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.notes import boiling_notes
+from inverse.commands.notes import boiling_notes, scaling_notes
 from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 
 _SHOWN_RADIUS = 8e-3  # m
@@ -50,9 +49,9 @@ def sonicate_command(
     """
     described = read_experiment(experiment)
     model = described.sonicated()
-    settings = discretise(model)
     with output_directory(out) as folder:
         with working("sonication (the first run compiles)") as say:
+            settings = described.discretised(model, described.sonication.start_temperature_c)
             result = run_sonication(model, described, settings)
             if not bool(result.effort.converged):
                 raise InputError(
@@ -79,8 +78,9 @@ def sonicate_command(
             },
         )
         notes = notes_on(model, described, settings, result)
+        notes += scaling_notes(settings, *(phase.relative_power for phase in described.sonication.phases))
         rows = _rows(data, result, settings)
-        (folder / "report.md").write_text(_report(described, rows, figures, notes), encoding="utf-8")
+        (folder / "report.md").write_text(_report(described, settings, rows, figures, notes), encoding="utf-8")
         write_summary(
             folder,
             command="sonicate",
@@ -207,9 +207,12 @@ def _results(data: xr.Dataset, result: SonicationResult) -> dict[str, dict[str, 
     }
 
 
-def _report(described: Experiment, rows: list[tuple[str, str]], figures: list[str], notes: list[str]) -> str:
+def _report(
+    described: Experiment, settings: Discretisation, rows: list[tuple[str, str]], figures: list[str], notes: list[str]
+) -> str:
     section = described.sonication
-    power = section.acoustic_power_w or described.transducer.acoustic_power_w
+    power = float(described.sonicated().drive.acoustic_power)
+    kind = "linear" if settings.march.n_harmonics == 1 else "nonlinear"
     field = (
         f"computed again every {section.field_tolerance_k:g} K" if section.field == "updated" else "that of the start"
     )
@@ -217,7 +220,7 @@ def _report(described: Experiment, rows: list[tuple[str, str]], figures: list[st
         f"# {described.title}: sonication",
         "",
         f"{power:g} W of acoustic power from {section.start_temperature_c:g} degC in {len(section.phases)} phases; the "
-        f"linear field is {field}. Damage by the default Arrhenius law of liver beside thermal dose (CEM43).",
+        f"{kind} field is {field}. Damage by the default Arrhenius law of liver beside thermal dose (CEM43).",
         "",
         "| quantity | value |",
         "| --- | ---: |",

@@ -1,9 +1,11 @@
 """Power through a plane: of the true bowl, along a march, and of one component in closed form."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 
-from arfjax.acoustics.power import plane_wave_power, power_through_plane
+from arfjax.acoustics.power import plane_wave_power, power_budget, power_through_plane
 from arfjax.acoustics.sources.radiating_bowl import RadiatingBowl
 from arfjax.transducer import Drive
 from tests.acoustics.sources.problems import (
@@ -17,6 +19,7 @@ from tests.acoustics.sources.problems import (
     axial_wavenumber,
     series,
 )
+from tests.acoustics.test_waveform import field_of
 
 
 def test_the_bowl_sends_out_what_its_drive_says():
@@ -46,3 +49,15 @@ def test_components_beyond_grazing_carry_nothing():
     frequency = jnp.asarray([FREQUENCY])
     power = power_through_plane(jnp.asarray(amplitude), axial_wavenumber(), BASIS, DENSITY, frequency)
     assert power[0] < 1e-8 * plane_wave_power(jnp.asarray(amplitude), BASIS, IMPEDANCE)[0]
+
+
+def test_every_watt_is_accounted_for():
+    field = dataclasses.replace(
+        field_of(np.ones((1, 1, 1))), layer_power=jnp.asarray([[50.0, 48.0], [47.5, 40.0], [39.0, 12.0]])
+    )
+    budget = power_budget(field)
+    np.testing.assert_allclose(budget.entering, [50.0, 47.5, 39.0])
+    np.testing.assert_allclose(budget.leaving, [48.0, 40.0, 12.0])
+    np.testing.assert_allclose(budget.reflected, [0.0, 0.5, 1.0])
+    np.testing.assert_allclose(budget.lost, [2.0, 7.5, 27.0])
+    assert float(budget.reflected.sum() + budget.lost.sum() + budget.leaving[-1]) == 50.0

@@ -157,7 +157,12 @@ def test_fit_heating(capfd, tmp_path, content):
 def test_experiments(capfd, tmp_path, content):
     experiment, hmi = place(tmp_path / "experiment.toml", content), place(tmp_path / "hmi.csv", HMI)
     commands = (["simulate", experiment], ["calibrate", experiment, "--hmi", hmi])
-    for arguments in (*commands, ["sonicate", experiment], ["reproduce", "--experiment", experiment]):
+    for arguments in (
+        *commands,
+        ["sonicate", experiment],
+        ["field", experiment],
+        ["reproduce", "--experiment", experiment],
+    ):
         assert_refused(capfd, tmp_path, arguments, names=experiment)
 
 
@@ -172,6 +177,13 @@ def test_calibrate_settings(capfd, tmp_path, replacement, cause):
     assert replacement[0] in EXAMPLE
     experiment, hmi = place(tmp_path / "e.toml", EXAMPLE.replace(*replacement, 1)), place(tmp_path / "h.csv", HMI)
     assert cause in assert_refused(capfd, tmp_path, ["calibrate", experiment, "--hmi", hmi], names=experiment)
+
+
+@pytest.mark.parametrize("power", ["0", "-5", "nan", "1e6"])
+def test_field_power(capfd, tmp_path, power):
+    experiment = place(tmp_path / "experiment.toml", EXAMPLE)
+    message = assert_refused(capfd, tmp_path, ["field", experiment, "--power-w", power])
+    assert message.startswith("arfjax: --power-w must be 0.001 to 10000 W, got ")
 
 
 @pytest.mark.parametrize("table", [HMI, TIMES])
@@ -198,6 +210,8 @@ def test_reference_outside_the_protocol(capfd, tmp_path, table):
         (["fit-dna", "{data}", "--out", "out"], "No such command 'fit-dna'"),
         (["simulate", "--out", "out"], "Missing argument"),
         (["calibrate", "{data}", "--out", "out"], "Missing option '--hmi'"),
+        (["field", "{data}"], "Missing option '--out'"),
+        (["field", "{data}", "--out", "out", "--power-w", "much"], "Invalid value for '--power-w'"),
         (["reproduce"], "Missing option '--out'"),
         (["fit-heating", "{data}"], "Missing option '--out'"),
         (["fit-heating", "{data}", "--out", "out", "--baseline", "310"], "must be a temperature from 0 to 120 degC"),
@@ -248,14 +262,16 @@ def interrupted_output(out):
         yield
 
 
-@pytest.mark.parametrize("command", ["fit_dma", "fit_heating", "simulate", "sonicate", "calibrate", "reproduce"])
+@pytest.mark.parametrize(
+    "command", ["fit_dma", "fit_heating", "simulate", "sonicate", "field", "calibrate", "reproduce"]
+)
 def test_an_interrupt_leaves_nothing(capfd, tmp_path, monkeypatch, command):
     monkeypatch.setattr(f"inverse.commands.{command}.output_directory", interrupted_output)
     experiment, dma = place(tmp_path / "experiment.toml", EXAMPLE), place(tmp_path / "dma.csv", DMA)
     hmi = place(tmp_path / "hmi.csv", HMI)
     heating = place(tmp_path / "heating.csv", HEATING)
     inputs = {"fit_dma": [dma], "simulate": [experiment], "calibrate": [experiment, "--hmi", hmi], "reproduce": []}
-    inputs |= {"fit_heating": [heating], "sonicate": [experiment]}
+    inputs |= {"fit_heating": [heating], "sonicate": [experiment], "field": [experiment]}
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "summary.json").write_text("earlier")
     before = tree(tmp_path)
