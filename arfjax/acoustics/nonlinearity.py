@@ -16,14 +16,13 @@ Blackstock's solution, whose error is flat about them.
 """
 
 import math
-from typing import cast
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
-from scipy.fft import next_fast_len
 
 from arfjax.media import AcousticMedium, Scalar
+from arfjax.numerics.fourier import fast_length
 
 FEWEST_HARMONICS = 4
 """With fewer the upper half, where the sensor looks for a shock, would hold the fundamental."""
@@ -68,7 +67,7 @@ def _runge_kutta(pressure: Harmonics, step: Array, rate: Array) -> Harmonics:
 def _slope(pressure: Harmonics, rate: Array) -> Harmonics:
     """g/2 d(p^2)/dtheta, of each harmonic that is kept."""
     n = pressure.shape[-1]
-    n_instants = cast(int, next_fast_len(3 * n + 1, real=True))
+    n_instants = fast_length(3 * n + 1)
     # p is the real part of a sum; the transform takes half of each harmonic and divides by the number of instants.
     spectrum = jnp.pad(pressure, [(0, 0)] * (pressure.ndim - 1) + [(1, 0)])
     wave = jnp.fft.irfft(spectrum, n=n_instants, axis=-1)
