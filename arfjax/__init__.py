@@ -4,13 +4,13 @@ Units are SI, except temperature (degC) and thermal dose (min). Nothing here cha
 stated for float64, which a program turns on with `jax.config.update("jax_enable_x64", True)`.
 """
 
+from arfjax.acoustics.field import HarmonicField as HarmonicField
 from arfjax.acoustics.intensity import heat_deposition as heat_deposition
 from arfjax.acoustics.intensity import intensity as intensity
 from arfjax.acoustics.intensity import radiation_force_density as radiation_force_density
 from arfjax.acoustics.layers import AcousticLayer as AcousticLayer
-from arfjax.acoustics.field import HarmonicField as HarmonicField
-from arfjax.acoustics.settings import MarchSettings as MarchSettings
 from arfjax.acoustics.one_way import solve_field as solve_field
+from arfjax.acoustics.settings import MarchSettings as MarchSettings
 from arfjax.acoustics.variation import MediumVariation as MediumVariation
 from arfjax.errors import ExtrapolationWarning as ExtrapolationWarning
 from arfjax.errors import InputError as InputError

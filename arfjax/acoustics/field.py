@@ -15,8 +15,8 @@ class Convergence(eqx.Module):
         axial: A third of the difference, over the whole beam at the end of the march and each harmonic weighted with
             its order, that a march of twice the longest step makes: the error of a second-order method. It is computed
             only if asked for: under `jit` nothing is lost where it is not used.
-        shock_fraction: Largest `shock_fraction` near the axis of the beam; above some per cent the upper harmonics stand
-            for a shock thinner than they resolve, whose heat is right but whose peak is not.
+        shock_fraction: Largest S of a cross-section over its largest A (`nonlinearity`); above some per cent the upper
+            harmonics stand for a shock thinner than they resolve, whose heat is right but whose peak is not.
         courant_number: Largest `courant_number` of a substep; above 2.8 the steepening is unstable.
     """
 

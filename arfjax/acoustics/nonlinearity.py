@@ -9,10 +9,10 @@ alone, in proportion to what a shock would leave there:
 $$ \alpha_n = 3 N g \frac{S^2}{A} q(n/N), \quad A^2 = \sum |p_n|^2, \quad
    S^2 = \langle n^2 |p_n|^2 \rangle_{n \ge N/2}, \quad q(x) = (\max(x - 0.3, 0) / 0.7)^4 $$
 
-Where the spectrum is resolved S is rounding and nothing is absorbed; at a shock, whose n |p_n| is the same for all n, the
-loss comes out as weak-shock theory has it, and is deposited as heat like any other. After the spectral vanishing
-viscosity of Tadmor, SIAM J. Numer. Anal. 26 (1989) 30; the sensor and the constants are from tests against Blackstock's
-solution, whose error is flat about them.
+Where the spectrum is resolved S is rounding and nothing is absorbed; at a shock, whose n |p_n| is the same for all n,
+the loss comes out as weak-shock theory has it, and is deposited as heat like any other. After the spectral vanishing
+viscosity of Tadmor, SIAM J. Numer. Anal. 26 (1989) 30; the sensor and the constants are from tests against
+Blackstock's solution, whose error is flat about them.
 """
 
 import math
@@ -20,9 +20,9 @@ import math
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
-from scipy.fft import next_fast_len
 
 from arfjax.media import AcousticMedium, Scalar
+from arfjax.numerics.fourier import fast_length
 
 FEWEST_HARMONICS = 4
 """With fewer the upper half, where the sensor looks for a shock, would hold the fundamental."""
@@ -35,14 +35,12 @@ Harmonics = Complex[Array, "*point harmonic"]
 
 
 def steepening_rate(medium: AcousticMedium, fundamental: Scalar) -> Scalar:
-    """beta omega / (rho c^3) [1/(Pa m)], with beta = 1 + B/2A, for a fundamental frequency [Hz]."""
+    """Beta omega / (rho c^3) [1/(Pa m)], with beta = 1 + B/2A, for a fundamental frequency [Hz]."""
     beta = 1.0 + 0.5 * medium.nonlinearity_parameter
     return 2.0 * math.pi * fundamental * beta / (medium.density * medium.sound_speed**3)
 
 
-def steepen(
-    pressure: Harmonics, length: Float[Array, "..."], rate: Float[Array, ""], n_substeps: int = 1
-) -> Harmonics:
+def steepen(pressure: Harmonics, length: Float[Array, "..."], rate: Float[Array, ""], n_substeps: int = 1) -> Harmonics:
     """Harmonics [Pa], the fundamental first, after a path of `length` [m], one for all or one for each point.
 
     Each substep is symmetric: half of the dissipation, steepening by Runge and Kutta's rule, half of the dissipation.
@@ -69,12 +67,13 @@ def _runge_kutta(pressure: Harmonics, step: Array, rate: Array) -> Harmonics:
 def _slope(pressure: Harmonics, rate: Array) -> Harmonics:
     """g/2 d(p^2)/dtheta, of each harmonic that is kept."""
     n = pressure.shape[-1]
-    n_instants = next_fast_len(3 * n + 1, real=True)
+    n_instants = fast_length(3 * n + 1)
     # p is the real part of a sum; the transform takes half of each harmonic and divides by the number of instants.
     spectrum = jnp.pad(pressure, [(0, 0)] * (pressure.ndim - 1) + [(1, 0)])
     wave = jnp.fft.irfft(spectrum, n=n_instants, axis=-1)
     squared = jnp.fft.rfft(wave * wave, axis=-1)[..., 1 : n + 1]
-    return _broadcast(1j * 0.25 * n_instants * rate * _orders(pressure), pressure) * squared
+    grown = 0.25 * n_instants * rate * _orders(pressure)
+    return 1j * _broadcast(grown, pressure) * squared
 
 
 def shock_absorption(pressure: Harmonics, rate: Float[Array, "..."]) -> Float[Array, "*point harmonic"]:

@@ -138,7 +138,8 @@ def _solve(
             passed = transmission(problem.layers[index - 1].medium, medium, reflects=settings.reflects)
             amplitude, drift = jax.tree.map(lambda each, passed=passed: passed * each, (amplitude, drift))
         wavenumber = complex_wavenumber(medium, frequency)
-        axial = problem.diffraction.axial_wavenumber(wavenumber, constant(basis.wavenumbers))
+        lossless = 2.0 * math.pi * frequency / medium.sound_speed
+        axial = problem.diffraction.axial_wavenumber(wavenumber, constant(basis.wavenumbers), lossless)
         path = problem.diffraction.path(wavenumber.real, constant(basis.wavenumbers))
         drift = jnp.zeros_like(amplitude) if drift is None and path is not None else drift
         end = z[-1] if index == owner[-1] else bounds[1]
@@ -158,7 +159,9 @@ def _solve(
             observe=_observer(rate, settings),
             steps_per_checkpoint=settings.steps_per_checkpoint,
         )
-        flux = constant(np.pi * basis.norms)[:, None] * axial.real.T / (2.0 * math.pi * medium.density * frequency)[None]
+        flux = (
+            constant(np.pi * basis.norms)[:, None] * axial.real.T / (2.0 * math.pi * medium.density * frequency)[None]
+        )
         powers.append(jnp.stack([jnp.sum(flux * jnp.abs(each) ** 2) for each in (amplitude, marched.end.amplitude)]))
         parts.append(marched)
         amplitude, drift, depth = marched.end.amplitude, marched.end.drift, end

@@ -49,8 +49,8 @@ class MarchSettings(eqx.Module):
         """Refuse counts that cannot be meant."""
         if 1 < self.n_harmonics < FEWEST_HARMONICS:
             raise InputError(
-                f"`n_harmonics` must be 1, for linear sound, or {FEWEST_HARMONICS} or more, got {self.n_harmonics}: the "
-                "upper half of fewer harmonics cannot tell whether the waveform is resolved."
+                f"`n_harmonics` must be 1, for linear sound, or {FEWEST_HARMONICS} or more, got {self.n_harmonics}: "
+                "the upper half of fewer harmonics cannot tell whether the waveform is resolved."
             )
         for name in ("n_harmonics", "n_substeps", "steps_per_checkpoint"):
             if getattr(self, name) < 1:

@@ -35,9 +35,7 @@ def layers():
     for name, thickness in THICKNESSES.items():
         row = TABLE_1_ACOUSTIC[name]
         lost = from_db_per_cm(row.attenuation_db_per_cm_mhz)
-        medium = AcousticMedium(
-            row.density, row.sound_speed, lost, row.absorption_exponent, row.nonlinearity_parameter
-        )
+        medium = AcousticMedium(row.density, row.sound_speed, lost, row.absorption_exponent, row.nonlinearity_parameter)
         result.append(AcousticLayer(medium, thickness))
     return result
 
@@ -55,8 +53,8 @@ SETTINGS = {
         n_harmonics=24, axial_step=0.449e-3, start_plane=9.297e-3, n_quadrature=640, steepens_from_source=False
     ),
     150: MarchSettings(
-        n_harmonics=64,
-        n_radial=384,
+        n_harmonics=48,
+        n_radial=576,
         axial_step=0.449e-3,
         start_plane=9.297e-3,
         n_quadrature=640,

@@ -4,13 +4,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from arfjax.acoustics.field import Convergence, HarmonicField
 from arfjax.acoustics.intensity import (
     fundamental_force_density,
     heat_deposition,
     intensity,
     radiation_force_density,
 )
-from arfjax.acoustics.field import Convergence, HarmonicField
 
 Z = np.linspace(0.0, 0.1, 2001)
 ALPHA = np.array([4.0, 9.0])

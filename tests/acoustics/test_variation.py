@@ -145,8 +145,8 @@ def test_beyond_a_uniform_slab_the_field_is_multiplied_by_its_wavenumber(diffrac
 def test_changing_a_whole_layer_is_another_layer(attenuation, sound_speed):
     """Against a layer of another medium (of equal impedance): 20 % of attenuation, half a percent of sound speed.
 
-    What is missed is of second order in the change: a thousandth of it. Along the axis 9 percent are missed, the mean of
-    1 / cos over the bowl's solid angle, less one, being 8.4 percent.
+    What is missed is of second order in the change: a thousandth of it. Along the axis 9 percent are missed, the mean
+    of 1 / cos over the bowl's solid angle, less one, being 8.4 percent.
     """
     other = AcousticMedium(
         LIVER.density * 1584.0 / (1584.0 + sound_speed), 1584.0 + sound_speed, 4.0 + attenuation, 1.1, 7.2
