@@ -127,3 +127,44 @@ def test_reproduce(tmp_path):
     assert rows["lesion length at 70 degC"]["here"] > 6.8
     for name in ("attenuation", "moduli", "displacement"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
+
+
+def test_field(tmp_path, capfd):
+    """Nonlinear where the file does not say; everything in SI in the file, and watts that add up."""
+    assert run(["field", EXPERIMENT, "--out", str(tmp_path)]) == 0
+    results = summary_of(tmp_path)["results"]
+    assert results["tolerance_statement"] == "reached" and results["tolerance"] == 1e-3
+    assert results["peak_positive_pressure"]["value"] > 1.3 * -results["peak_negative_pressure"]["value"] > 6e6
+    assert results["peak_positive_pressure_position"]["value"] == pytest.approx(61.5e-3, abs=1.5e-3)
+    lost, reflected = (np.sum(results[f"{name}_power"]["value"]) for name in ("lost", "reflected"))
+    assert lost + reflected + results["leaving_power"]["value"][-1] == pytest.approx(50.0, rel=3e-3)
+    with xr.open_dataset(tmp_path / "field.nc", engine="h5netcdf") as data:
+        for name in (*data.data_vars, *data.coords):
+            assert data[name].attrs["units"] == (VARIABLES | COORDINATES)[name][0]
+        assert data.attrs["acoustic_power_w"] == 50.0 and data.attrs["march_n_harmonics"] >= 16
+        # What the layers take from the beam beyond water is mostly heat in the tissue that the map covers.
+        liver = data["heat_deposition"].sel(z=slice(42.7e-3, None))
+        heat = (2.0 * np.pi * liver["r"] * liver).integrate("r").integrate("z")
+        assert float(heat) == pytest.approx(results["lost_power"]["value"][-1], rel=0.05)
+    for name in ("field", "sound"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000 and (tmp_path / f"{name}.pdf").exists()
+    report = (tmp_path / "report.md").read_text()
+    assert "Nonlinear field of 50 W" in report and "The tolerance of 0.001 is reached" in report
+    assert "the tolerance of 0.001 is reached" in capfd.readouterr().out
+
+
+def test_field_that_falls_short_or_is_linear(tmp_path, capfd):
+    text = shipped("suomi2016_experiment").read_text()
+    (tmp_path / "few.toml").write_text(text + "\n[acoustics]\nharmonics = 4\n")
+    assert run(["field", str(tmp_path / "few.toml"), "--out", str(tmp_path / "few"), "--power-w", "100"]) == 0
+    results = summary_of(tmp_path / "few")["results"]
+    assert results["tolerance_statement"].startswith("not reached: the harmonics end too early")
+    assert "the tolerance of 0.001 is not reached: the harmonics end too early" in capfd.readouterr().out
+    assert "Nonlinear field of 100 W" in (tmp_path / "few" / "report.md").read_text()
+    (tmp_path / "linear.toml").write_text(text + "\n[acoustics]\nnonlinear = false\n")
+    assert run(["field", str(tmp_path / "linear.toml"), "--out", str(tmp_path / "linear")]) == 0
+    results = summary_of(tmp_path / "linear")["results"]
+    assert results["peak_positive_pressure"]["value"] == pytest.approx(-results["peak_negative_pressure"]["value"])
+    assert results["peak_positive_pressure"]["value"] == pytest.approx(6.2e6, rel=0.02)
+    assert results["radiation_force_of_intensity_relative_difference"]["value"] == pytest.approx(0.0, abs=1e-12)
+    assert "Linear field of 50 W" in (tmp_path / "linear" / "report.md").read_text()
