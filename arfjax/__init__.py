@@ -4,14 +4,36 @@ Units are SI, except temperature (degC) and thermal dose (min). Nothing here cha
 stated for float64, which a program turns on with `jax.config.update("jax_enable_x64", True)`.
 """
 
+from arfjax.acoustics.amplitude import drive_for_peak_pressure as drive_for_peak_pressure
+from arfjax.acoustics.converge import solve_to_tolerance as solve_to_tolerance
+from arfjax.acoustics.diffraction import Diffraction as Diffraction
+from arfjax.acoustics.diffraction import ExactOneWay as ExactOneWay
+from arfjax.acoustics.diffraction import Pade11 as Pade11
+from arfjax.acoustics.diffraction import Pade12 as Pade12
+from arfjax.acoustics.diffraction import Parabolic as Parabolic
+from arfjax.acoustics.field import Convergence as Convergence
 from arfjax.acoustics.field import HarmonicField as HarmonicField
+from arfjax.acoustics.intensity import fundamental_force_density as fundamental_force_density
 from arfjax.acoustics.intensity import heat_deposition as heat_deposition
 from arfjax.acoustics.intensity import intensity as intensity
 from arfjax.acoustics.intensity import radiation_force_density as radiation_force_density
 from arfjax.acoustics.layers import AcousticLayer as AcousticLayer
 from arfjax.acoustics.one_way import solve_field as solve_field
+from arfjax.acoustics.power import PowerBudget as PowerBudget
+from arfjax.acoustics.power import power_budget as power_budget
+from arfjax.acoustics.power import power_through_plane as power_through_plane
 from arfjax.acoustics.settings import MarchSettings as MarchSettings
+from arfjax.acoustics.sources.apodisation import Apodisation as Apodisation
+from arfjax.acoustics.sources.base import PlaneSource as PlaneSource
+from arfjax.acoustics.sources.base import Source as Source
+from arfjax.acoustics.sources.gaussian import GaussianSource as GaussianSource
+from arfjax.acoustics.sources.piston import Piston as Piston
+from arfjax.acoustics.sources.pressure_plane import PressurePlane as PressurePlane
+from arfjax.acoustics.sources.projected_bowl import ProjectedBowl as ProjectedBowl
+from arfjax.acoustics.sources.radiating_bowl import RadiatingBowl as RadiatingBowl
 from arfjax.acoustics.variation import MediumVariation as MediumVariation
+from arfjax.acoustics.waveform import peak_pressures as peak_pressures
+from arfjax.acoustics.waveform import waveform as waveform
 from arfjax.errors import ExtrapolationWarning as ExtrapolationWarning
 from arfjax.errors import InputError as InputError
 from arfjax.experiment import Experiment as Experiment
@@ -96,5 +118,6 @@ from arfjax.thermal.lesion import smoothed_lesion_size as smoothed_lesion_size
 from arfjax.tissues import Tissue as Tissue
 from arfjax.transducer import Drive as Drive
 from arfjax.transducer import FocusedBowl as FocusedBowl
+from arfjax.transducer import PressureDrive as PressureDrive
 
 __version__ = "0.1.0"

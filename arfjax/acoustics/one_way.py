@@ -24,6 +24,7 @@ from arfjax.acoustics.field import Convergence, HarmonicField
 from arfjax.acoustics.layers import SAME_POSITION, AcousticLayer, transmission
 from arfjax.acoustics.march import AtNodes, Beam, PhysicalOperator, Series, constant, march, transform
 from arfjax.acoustics.nonlinearity import courant_number, shock_fraction, steepen, steepening_rate
+from arfjax.acoustics.power import power_through_plane
 from arfjax.acoustics.settings import MarchSettings
 from arfjax.acoustics.sources.base import PlaneSource, Source
 from arfjax.acoustics.sources.radiating_bowl import as_source
@@ -159,10 +160,9 @@ def _solve(
             observe=_observer(rate, settings),
             steps_per_checkpoint=settings.steps_per_checkpoint,
         )
-        flux = (
-            constant(np.pi * basis.norms)[:, None] * axial.real.T / (2.0 * math.pi * medium.density * frequency)[None]
-        )
-        powers.append(jnp.stack([jnp.sum(flux * jnp.abs(each) ** 2) for each in (amplitude, marched.end.amplitude)]))
+        ends = (amplitude.T, marched.end.amplitude.T)
+        through = [power_through_plane(each, axial, basis, medium.density, frequency) for each in ends]
+        powers.append(jnp.sum(jnp.stack(through), axis=1))
         parts.append(marched)
         amplitude, drift, depth = marched.end.amplitude, marched.end.drift, end
     return _Whole(
