@@ -140,6 +140,21 @@ def test_a_source_pressure_is_the_power_that_it_sends_out(tmp_path):
     assert described.model_at(7.0).drive.frequency == drive.frequency
 
 
+def test_a_focal_pressure_is_the_power_that_makes_it_in_water(tmp_path):
+    """By O'Neil's gain of 37.413 in lossless water, where sound is said to be linear; 50 W make 8.1 MPa then."""
+    lines = acoustics("nonlinear = false")
+    text = changed(("acoustic_power_w = 50.0", "focal_pressure_mpa = 8.1229"), lines)
+    assert read_experiment(write(tmp_path, text)).model().drive.acoustic_power == pytest.approx(50.0, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_a_focal_pressure_of_steepened_sound_takes_less_power(tmp_path):
+    text = changed(("acoustic_power_w = 50.0", "focal_pressure_mpa = 8.1229"), acoustics("tolerance = 0.01"))
+    described = read_experiment(write(tmp_path, text))
+    power = described.model().drive.acoustic_power
+    assert 25.0 < power < 45.0 and described.model().drive.acoustic_power == power
+
+
 UNKNOWN = {
     "top": (("title", "titel"), "unknown key `titel`; did you mean `title`?"),
     "section": (("[mechanics]", "[mechanic]"), "unknown key `mechanic`; did you mean `mechanics`?"),
@@ -272,7 +287,7 @@ WRONG = {
     ),
     "no drive": (
         ("acoustic_power_w = 50.0", ""),
-        "`transducer`: expected exactly one of acoustic_power_w, source_pressure_kpa, got none",
+        "`transducer`: expected exactly one of acoustic_power_w, source_pressure_kpa, focal_pressure_mpa, got none",
     ),
     "two drives": (
         ("acoustic_power_w = 50.0", "acoustic_power_w = 50.0\nsource_pressure_kpa = 217.0"),

@@ -88,7 +88,7 @@ class AcousticsSection(Section):
             nonlinear: What is taken where the file does not say.
             say: Told what is being tried.
         """
-        settings = self._start(model, nonlinear)
+        settings = self.start(model, nonlinear=nonlinear)
         if settings.march.n_harmonics == 1:
             return settings
         return self.solve(model, temperature, settings, r=np.zeros(1), z=settings.heat_grid.z[-1:], say=say)[1]
@@ -108,7 +108,7 @@ class AcousticsSection(Section):
 
         Not for `jit`; with `harmonics` given, only steps and terms are chosen.
         """
-        settings = self._start(model, nonlinear) if settings is None else settings
+        settings = self.start(model, nonlinear=nonlinear) if settings is None else settings
         layers = layers_at(model, temperature, temperature)
         if self.harmonics is not None:
             settings = self._settled(model, settings, layers, end=z[-1:], say=say)
@@ -127,7 +127,8 @@ class AcousticsSection(Section):
         )
         return field, dataclasses.replace(settings, march=march)
 
-    def _start(self, model: Model, nonlinear: bool) -> Discretisation:
+    def start(self, model: Model, *, nonlinear: bool) -> Discretisation:
+        """The discretisation with which the choice begins; `nonlinear` is taken where the file does not say."""
         settings = discretise(model)
         n_harmonics = 1
         if nonlinear if self.nonlinear is None else self.nonlinear:

@@ -3,7 +3,6 @@
 Units stand in the names of the keys. Unknown keys are refused, and so are numbers whose size betrays another unit.
 """
 
-import dataclasses
 import math
 import tomllib
 from pathlib import Path
@@ -15,6 +14,7 @@ from pydantic import Field, Strict, model_validator
 from arfjax import tissues
 from arfjax.errors import InputError
 from arfjax.experiment.acoustics import AcousticsSection
+from arfjax.experiment.drive import power_of_focal_pressure, power_of_source_pressure
 from arfjax.experiment.messages import EXAMPLE, explain
 from arfjax.experiment.numbers import Celsius, Millimetres, Number, Section, between
 from arfjax.experiment.sonication import SonicationSection
@@ -25,7 +25,7 @@ from arfjax.protocols.stepwise import StepwiseProtocol
 from arfjax.transducer import Drive, FocusedBowl
 
 _FOCUS_MARGIN_MM = 1.0  # two of the finest elements
-_DRIVES = ("acoustic_power_w", "source_pressure_kpa")
+_DRIVES = ("acoustic_power_w", "source_pressure_kpa", "focal_pressure_mpa")
 _MOST_RELATIVE_WAVELENGTHS = 16.0  # more need matrices of gigabytes
 
 
@@ -38,6 +38,7 @@ class Transducer(Section):
     frequency_mhz: Annotated[Number, between(0.05, 20.0, "MHz", "is it in Hz or kHz? Give MHz")]
     acoustic_power_w: Annotated[Number, between(1e-3, 1e4, "W", "give watts")] | None = None
     source_pressure_kpa: Annotated[Number, between(1e-2, 1e5, "kPa", "is it in pascal? Give kilopascal")] | None = None
+    focal_pressure_mpa: Annotated[Number, between(1e-3, 200.0, "MPa", "is it in pascal? Give megapascal")] | None = None
 
     @model_validator(mode="after")
     def _driven_once(self) -> "Transducer":
@@ -79,14 +80,6 @@ class Transducer(Section):
                 "can be simulated, so reduce one of the two"
             )
         return self
-
-    def bowl(self) -> FocusedBowl:
-        """Its geometry."""
-        return FocusedBowl(
-            aperture_radius=0.5e-3 * self.outer_diameter_mm,
-            hole_radius=0.5e-3 * self.inner_diameter_mm,
-            focal_length=1e-3 * self.focal_length_mm,
-        )
 
     @property
     def rim_depth_mm(self) -> float:
@@ -176,12 +169,28 @@ class Experiment(Section):
         return self
 
     def model(self) -> Model:
-        """The model that the file describes; a source pressure is taken for the power that it sends out."""
+        """The model that the file describes; a pressure is taken for the power that makes it."""
+        device, temperature = self.transducer, self.protocol.temperatures_c[0]
+        if device.acoustic_power_w is not None:
+            return self.model_at(device.acoustic_power_w)
+        model = self.model_at(1.0)
+        if device.source_pressure_kpa is not None:
+            return self.model_at(power_of_source_pressure(model, 1e3 * device.source_pressure_kpa, temperature))
+        assert device.focal_pressure_mpa is not None  # one of the three is given
+        pressure = 1e6 * device.focal_pressure_mpa
+        return self.model_at(power_of_focal_pressure(model, pressure, temperature, self.acoustics))
+
+    def model_at(self, acoustic_power: float) -> Model:
+        """The model at a power [W]."""
         device = self.transducer
         layers = [Layer(_tissue(section), 1e-3 * section.thickness_mm) for section in self.layers]
         return Model(
-            bowl=device.bowl(),
-            drive=Drive(1e6 * device.frequency_mhz, self._acoustic_power(layers[0].tissue)),
+            bowl=FocusedBowl(
+                aperture_radius=0.5e-3 * device.outer_diameter_mm,
+                hole_radius=0.5e-3 * device.inner_diameter_mm,
+                focal_length=1e-3 * device.focal_length_mm,
+            ),
+            drive=Drive(frequency=1e6 * device.frequency_mhz, acoustic_power=acoustic_power),
             path=tuple(layers[:-1]),
             liver=layers[-1].tissue,
             liver_thickness=layers[-1].thickness,
@@ -191,15 +200,6 @@ class Experiment(Section):
             modulus_reading=YoungModulus() if self.mechanics.modulus == "young" else ShearModulus(),
             poisson_ratio=self.mechanics.poisson_ratio,
         )
-
-    def _acoustic_power(self, medium: tissues.Tissue) -> float:
-        """Power [W] that the transducer sends into the first layer."""
-        device, temperature = self.transducer, self.protocol.temperatures_c[0]
-        if device.source_pressure_kpa is None:
-            assert device.acoustic_power_w is not None  # one of the two is given
-            return device.acoustic_power_w
-        impedance = medium.density(temperature) * medium.sound_speed(temperature)
-        return float((1e3 * device.source_pressure_kpa) ** 2 * device.bowl().area / (2.0 * impedance))
 
     def stepwise(self) -> StepwiseProtocol:
         """The protocol that the file describes."""
@@ -223,11 +223,6 @@ class Experiment(Section):
         """The model at the sonication's power."""
         power = self.sonication.acoustic_power_w
         return self.model() if power is None else self.model_at(power)
-
-    def model_at(self, acoustic_power: float) -> Model:
-        """The model at another power [W]."""
-        model = self.model()
-        return dataclasses.replace(model, drive=Drive(model.drive.frequency, acoustic_power))
 
 
 def read_experiment(path: str | Path) -> Experiment:
