@@ -64,6 +64,14 @@ def test_shipped_experiment_is_the_example():
     assert shipped("suomi2016_experiment").read_bytes() == EXAMPLE.read_bytes()
 
 
+def test_the_five_layers():
+    described = read_experiment(EXAMPLE.parent / "five_layers.toml")
+    model = described.model()
+    np.testing.assert_allclose([layer.thickness for layer in model.layers], [34e-3, 2e-3, 10e-3, 10e-3, 40e-3])
+    assert model.drive.acoustic_power == 50.0 and described.acoustics.nonlinear
+    assert described.acoustics.harmonics is None
+
+
 def test_choices_and_defaults(tmp_path):
     text = changed(
         ('modulus = "young"', 'modulus = "shear"'),

@@ -78,7 +78,7 @@ def _searched(search: _InWater) -> float:
                 settings=march,
             )
         )
-        return _power(model, float(driven(search.pressure).pressure), medium)
+        return _power(model, float(np.asarray(driven(search.pressure).pressure)), medium)
 
     linear = power_of(dataclasses.replace(settings.march, n_harmonics=1))
     if settings.march.n_harmonics == 1:
