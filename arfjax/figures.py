@@ -115,6 +115,7 @@ def draw_sound(dataset: xr.Dataset, model: Model) -> Figure:
         seen = decibel > _SPECTRUM_FLOOR
         orders = dataset["carried_harmonic"].to_numpy()
         panels["spectrum"].plot(orders[seen], decibel[seen], "o-", markersize=3, color=colour, label=label)
+        panels["spectrum"].set_xlim(0.0, max(orders[seen][-1] + 1.0, 5.0, panels["spectrum"].get_xlim()[1]))
     panels["waveform"].axhline(0.0, color="0.8", linewidth=0.8, zorder=0)
     panels["waveform"].set_xlim(0.0, time[-1])
     panels["spectrum"].legend(frameon=False, fontsize="small")

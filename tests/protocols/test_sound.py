@@ -46,6 +46,7 @@ def hottest(settings):
     return float(np.max(solve(MODEL)))
 
 
+@pytest.mark.slow
 def test_heat_and_force_are_those_of_all_harmonics():
     """At 50 W the second harmonic has a twentieth of the energy, and is absorbed twice as much."""
     assert 1.04 < np.max(force_of(SETTINGS)) / np.max(force_of(LINEAR)) < 1.5
