@@ -34,6 +34,7 @@ def solve_to_tolerance(
     tolerance: float = 1e-3,
     diffraction: Diffraction = ExactOneWay(),  # noqa: B008  frozen and without state
     settings: MarchSettings | None = None,
+    keeps_harmonics: bool = False,
     variation: MediumVariation | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> tuple[HarmonicField, MarchSettings]:
@@ -52,6 +53,7 @@ def solve_to_tolerance(
             is held below it.
         diffraction: Which one-way operator.
         settings: Where to begin; by default few harmonics.
+        keeps_harmonics: Whether the number of harmonics stays that of `settings`.
         variation: How constants vary within the layers.
         say: Told what is being tried.
 
@@ -76,7 +78,10 @@ def solve_to_tolerance(
 
     for _ in range(_MOST_ROUNDS):
         say(f"{settings.n_harmonics} harmonics, {settings.n_radial} terms, {1e3 * settings.axial_step:.3g} mm steps")
-        better = refined(settings, solve(settings, np.zeros(1), z[-1:]).convergence, tolerance)
+        found = solve(settings, np.zeros(1), z[-1:]).convergence
+        if keeps_harmonics:
+            found = dataclasses.replace(found, harmonics=0.0 * found.harmonics)
+        better = refined(settings, found, tolerance)
         if better == settings:
             break
         settings = better

@@ -4,13 +4,11 @@ import dataclasses
 from collections.abc import Callable
 from typing import Annotated, Literal
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from pydantic import AfterValidator, Strict, model_validator
 
-from arfjax.acoustics.converge import refined, solve_to_tolerance
+from arfjax.acoustics.converge import solve_to_tolerance
 from arfjax.acoustics.diffraction import Diffraction, ExactOneWay, Pade11, Pade12, Parabolic
 from arfjax.acoustics.field import HarmonicField
 from arfjax.acoustics.nonlinearity import FEWEST_HARMONICS
@@ -20,7 +18,6 @@ from arfjax.protocols.discretisation import Discretisation, discretise, layers_a
 
 _FIRST_HARMONICS = 16
 _MOST_HARMONICS = 1024
-_MOST_ROUNDS = 6
 
 
 def _countable(value: int) -> int:
@@ -109,20 +106,16 @@ class AcousticsSection(Section):
         Not for `jit`; with `harmonics` given, only steps and terms are chosen.
         """
         settings = self.start(model, nonlinear=nonlinear) if settings is None else settings
-        layers = layers_at(model, temperature, temperature)
-        if self.harmonics is not None:
-            settings = self._settled(model, settings, layers, end=z[-1:], say=say)
-            say(f"the field at {len(r)} x {len(z)} positions with {self.harmonics} harmonics")
-            return _solved(model, settings, layers, r, z), settings
         field, march = solve_to_tolerance(
             settings.source(model),
             model.drive,
-            layers,
+            layers_at(model, temperature, temperature),
             r=r,
             z=z,
             tolerance=self.tolerance,
             diffraction=settings.diffraction,
             settings=settings.march,
+            keeps_harmonics=self.harmonics is not None,
             say=say,
         )
         return field, dataclasses.replace(settings, march=march)
@@ -139,20 +132,3 @@ class AcousticsSection(Section):
             diffraction=self.operator(),
             source_plane=float(model.bowl.rim_depth) if self.source == "projected" else None,
         )
-
-    def _settled(
-        self, model: Model, settings: Discretisation, layers: list, *, end: np.ndarray, say: Callable[[str], None]
-    ) -> Discretisation:
-        """Steps and terms to the tolerance, the number of harmonics left as it is."""
-        for _ in range(_MOST_ROUNDS):
-            say(f"{settings.march.n_harmonics} harmonics, {1e3 * settings.march.axial_step:.3g} mm steps")
-            found = _solved(model, settings, layers, np.zeros(1), end).convergence
-            better = refined(settings.march, dataclasses.replace(found, harmonics=jnp.zeros(())), self.tolerance)
-            if better == settings.march:
-                break
-            settings = dataclasses.replace(settings, march=better)
-        return settings
-
-
-def _solved(model: Model, settings: Discretisation, layers: list, r: np.ndarray, z: np.ndarray) -> HarmonicField:
-    return eqx.filter_jit(lambda model, layers: settings.sound_field(model, layers, r=r, z=z))(model, layers)
