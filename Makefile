@@ -11,6 +11,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measurements
 	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data pyvisco_polymer) --out results/demo/dma
 	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data nist_foam) --out results/demo/dma_foam
+	$(BIN)/arfjax field examples/five_layers.toml --out results/demo/field
 	$(BIN)/arfjax simulate examples/suomi2016.toml --out results/demo/simulate
 	$(BIN)/arfjax sonicate examples/suomi2016.toml --out results/demo/sonicate
 	$(BIN)/arfjax fit-heating $$($(BIN)/arfjax data mr_hifu_60s) --out results/demo/heating
@@ -39,6 +40,7 @@ format: $(VENV)/.dev
 
 benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
 	$(BIN)/python -m benchmarks.accuracy --out results/benchmarks/accuracy.json
+	$(BIN)/python -m benchmarks.acoustics --out results/benchmarks/acoustics.json
 	$(BIN)/python -m benchmarks.chain --out results/benchmarks/chain.json
 	$(BIN)/python -m benchmarks.thermal --out results/benchmarks/thermal.json
 
