@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from arfjax.acoustics.diffraction import ExactOneWay
-from arfjax.acoustics.intensity import heat_deposition, intensity
+from arfjax.acoustics.intensity import heat_deposition
 from arfjax.acoustics.layers import AcousticLayer
 from arfjax.acoustics.one_way import solve_field
 from arfjax.acoustics.settings import MarchSettings
@@ -55,7 +55,9 @@ def beam_solver(settings, diffraction, r, z, thickness):
         layers = [AcousticLayer(medium, each) for medium, each in zip(media, thickness, strict=True)]
         drive = PressureDrive(1.1e6, pressure)
         field = solve_field(BEAM, drive, layers, r=np.asarray(r), z=z, settings=settings, diffraction=diffraction)
-        return dataclasses.replace(field, r=jnp.asarray(field.r), z=jnp.asarray(field.z))
+        # The axial estimate is left out: it is a second march to compile.
+        convergence = dataclasses.replace(field.convergence, axial=jnp.zeros(()))
+        return dataclasses.replace(field, r=jnp.asarray(field.r), z=jnp.asarray(field.z), convergence=convergence)
 
     return solve
 
@@ -107,29 +109,138 @@ def test_it_does_not_matter_where_the_march_starts_if_sound_steepens_from_the_so
     assert focal[12e-3, True][1] > focal[12e-3, False][1]
 
 
-def lost_power(media, pressure, settings, stop=40e-3):
-    """Heat between the source's plane and `stop`, integrated by Gauss's rule for r and Simpson's for z; field."""
-    basis = hankel_basis(settings.n_radial, settings.domain_radius)
-    clean = basis.nodes < settings.sponge_start * settings.domain_radius
-    z = np.linspace(0.0, stop, 401)
-    field = beam_field(pressure, media, z, settings, r=basis.nodes[clean])
+STRONG = MarchSettings(n_harmonics=16, n_radial=128, domain_radius=20e-3)
+
+
+def lost_power(medium, pressure, stop=40e-3):
+    """Heat between the source's plane and `stop` by Gauss's rule for r and Simpson's for z, and the field."""
+    basis = hankel_basis(STRONG.n_radial, STRONG.domain_radius)
+    clean = basis.nodes < STRONG.sponge_start * STRONG.domain_radius
+    z = np.linspace(0.0, stop, 161)
+    field = beam_field(pressure, [medium], z, STRONG, r=basis.nodes[clean])
     across = 2.0 * np.pi * basis.weights[clean] @ np.asarray(heat_deposition(field))
-    weight = np.full(401, 2.0)
+    weight = np.full(161, 2.0)
     weight[1::2], weight[[0, -1]] = 4.0, 1.0
-    return across @ weight * stop / 400.0 / 3.0, field
+    return across @ weight * stop / 160.0 / 3.0, field
 
 
-@pytest.mark.parametrize("fraction", [1.0, 0.7])
-def test_the_power_that_a_beam_loses_is_its_heat(fraction):
-    medium = AcousticMedium(1060.0, 1584.0, 4.0, 1.1, 7.2, fraction)
-    heat, field = lost_power([medium], 1.5e6, MarchSettings(n_harmonics=24, n_radial=160, domain_radius=20e-3))
-    assert np.abs(field.pressure[1]).max() > 1e6
-    np.testing.assert_allclose(heat, fraction * (field.layer_power[0, 0] - field.layer_power[0, 1]), rtol=5e-3)
+def test_the_power_that_a_beam_loses_is_its_heat():
+    """In liver at 4 MPa; the sponge takes 5e-5 of the power. What is scattered does not heat."""
+    for fraction in (1.0, 0.7):
+        heat, field = lost_power(dataclasses.replace(LIVER, absorption_fraction=jnp.asarray(fraction)), 4e6)
+        power = field.layer_power[0]
+        np.testing.assert_allclose(heat, fraction * (power[0] - power[1]), rtol=1e-3)
+    assert np.abs(field.pressure[1]).max() > 0.2 * np.abs(field.pressure[0]).max()
 
 
 def test_what_is_lost_at_an_unresolved_shock_is_heat_too():
-    heat, field = lost_power([WATER], 3e6, MarchSettings(n_harmonics=24, n_radial=160, domain_radius=20e-3))
-    lost = field.layer_power[0, 0] - field.layer_power[0, 1]
-    assert field.convergence.shock_fraction > 0.1
-    assert lost > 0.05 * field.layer_power[0, 0]
-    np.testing.assert_allclose(heat, lost, rtol=2e-2)
+    """In lossless water the sensor alone makes it."""
+    heat, field = lost_power(dataclasses.replace(WATER, absorption_fraction=jnp.asarray(1.0)), 8e6)
+    power = field.layer_power[0]
+    assert power[0] - power[1] > 0.05 * power[0]
+    np.testing.assert_allclose(heat, power[0] - power[1], rtol=5e-3)
+
+
+@pytest.mark.parametrize("diffraction", [ALONG_RAY, ALONG_AXIS])
+def test_second_order_in_the_axial_step(diffraction):
+    """With the dissipation of a shock active: 8 harmonics in water, past where a plane wave forms one."""
+    steps = [40e-3 / n for n in (40, 80, 160)]
+    end = {}
+    for step in (*steps, 40e-3 / 960):
+        settings = dataclasses.replace(SMALL, axial_step=step)
+        field = beam_field(6e6, [WATER], [40e-3], settings, diffraction=diffraction)
+        end[step] = np.asarray(field.pressure[:4, 0, 0])
+    assert field.convergence.shock_fraction > 0.02
+    errors = [relative(end[step], end[40e-3 / 960]) for step in steps]
+    assert_order(steps, errors, order=2)
+    assert errors[-1] < 1e-3
+
+
+def test_small_sound_is_linear():
+    z = [20e-3, 40e-3]
+    linear = beam_field(1.0, [LIVER], z, dataclasses.replace(SMALL, n_harmonics=1)).pressure[0, 0]
+    field = beam_field(1.0, [LIVER], z)
+    np.testing.assert_allclose(field.pressure[0, 0], linear, rtol=1e-9)
+    strong = beam_field(1e3, [LIVER], z)
+    # The second harmonic grows as the square.
+    np.testing.assert_allclose(strong.pressure[1], 1e6 * field.pressure[1], rtol=1e-4)
+
+
+def test_checkpoints_change_nothing():
+    results = []
+    for every in (1, 3, 7):
+        settings = dataclasses.replace(SMALL, steps_per_checkpoint=every, axial_step=1e-3)
+
+        def heat(pressure, settings=settings):
+            return jnp.sum(heat_deposition(beam_field(pressure, [LIVER], [20e-3, 25e-3], settings)))
+
+        results.append(jax.jit(jax.value_and_grad(heat))(3e6))
+    np.testing.assert_allclose(results[1], results[0], rtol=1e-12)
+    np.testing.assert_allclose(results[2], results[0], rtol=1e-12)
+
+
+def focal(values):
+    """Heat and a pressure at the focus, on the axis and beside it."""
+    water = AcousticMedium(1000.0, values["water_speed"], 0.0, 2.0, 5.0)
+    liver = AcousticMedium(
+        values["density"],
+        values["sound_speed"],
+        values["attenuation"],
+        values["exponent"],
+        values["nonlinearity"],
+        values["absorption_fraction"],
+    )
+    bowl = FocusedBowl(values["aperture_radius"], values["hole_radius"], values["focal_length"])
+    layers = [AcousticLayer(water, 0.034), AcousticLayer(liver, 0.05)]
+    settings = MarchSettings(n_harmonics=4, n_radial=144, axial_step=0.8e-3)
+    field = solve_field(
+        bowl, Drive(1.1e6, values["power"]), layers, r=np.array([0.0, 1e-3]), z=np.array([62e-3]), settings=settings
+    )
+    return jnp.sum(1e-7 * heat_deposition(field)) + jnp.sum(1e-13 * jnp.abs(field.pressure) ** 2)
+
+
+VALUES = {
+    "power": 20.0,
+    "attenuation": 4.0,
+    "sound_speed": 1584.0,
+    "density": 1060.0,
+    "exponent": 1.1,
+    "nonlinearity": 7.2,
+    "absorption_fraction": 0.8,
+    "water_speed": 1482.0,
+    "focal_length": 62.6e-3,
+    "aperture_radius": 32e-3,
+    "hole_radius": 10e-3,
+}
+
+
+@pytest.mark.slow
+def test_gradient_through_the_nonlinear_march():
+    assert_gradient(focal, VALUES, step=3e-6)
+
+
+@pytest.mark.slow
+def test_gradient_in_each_parameter():
+    gradient = jax.jit(jax.grad(focal))(VALUES)
+    value = jax.jit(focal)
+    for name in VALUES:
+
+        def along(length, name=name):
+            return float(value(VALUES | {name: VALUES[name] * (1.0 + length)}))
+
+        step = 3e-5
+        central = (8.0 * (along(step) - along(-step)) - (along(2.0 * step) - along(-2.0 * step))) / (12.0 * step)
+        np.testing.assert_allclose(gradient[name] * VALUES[name], central, rtol=1e-6, err_msg=name)
+
+
+def test_power_through_interfaces():
+    """What leaves one layer enters the next but for 4 Z1 Z2 / (Z1 + Z2)^2; of equal speed each angle passes alike."""
+    heavy = AcousticMedium(1500.0, 1482.0, 0.0, 2.0, 5.0)
+    for reflects, passed in ((True, 4.0 * 1.5 / 2.5**2), (False, 1.0)):
+        settings = dataclasses.replace(SMALL, n_harmonics=4, reflects=reflects)
+        field = beam_field(1e6, [WATER, heavy], [40e-3], settings, thickness=(20e-3, 30e-3))
+        (entered, left), (beyond, _) = np.asarray(field.layer_power)
+        np.testing.assert_allclose(beyond, passed * left, rtol=1e-12)
+        np.testing.assert_allclose(left, entered, rtol=1e-4)
+    # A wide Gaussian's power is p^2 S / (2 Z).
+    np.testing.assert_allclose(entered, 1e12 * BEAM.area / (2.0 * 1.482e6), rtol=1e-2)
