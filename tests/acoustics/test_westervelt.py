@@ -125,12 +125,13 @@ def lost_power(medium, pressure, stop=40e-3):
 
 
 def test_the_power_that_a_beam_loses_is_its_heat():
-    """In liver at 4 MPa; the sponge takes 5e-5 of the power. What is scattered does not heat."""
-    for fraction in (1.0, 0.7):
-        heat, field = lost_power(dataclasses.replace(LIVER, absorption_fraction=jnp.asarray(fraction)), 4e6)
+    """In liver; the sponge takes 2e-4 of it. What is scattered does not heat, but all that a shock takes does."""
+    for fraction, pressure in ((1.0, 4e6), (0.7, 2e6)):
+        medium = dataclasses.replace(LIVER, absorption_fraction=jnp.asarray(fraction))
+        heat, field = lost_power(medium, pressure)
         power = field.layer_power[0]
-        np.testing.assert_allclose(heat, fraction * (power[0] - power[1]), rtol=1e-3)
-    assert np.abs(field.pressure[1]).max() > 0.2 * np.abs(field.pressure[0]).max()
+        np.testing.assert_allclose(heat, fraction * (power[0] - power[1]), rtol=6e-4)
+        assert (field.convergence.shock_fraction > 0.1) == (fraction == 1.0)
 
 
 def test_what_is_lost_at_an_unresolved_shock_is_heat_too():
@@ -141,10 +142,11 @@ def test_what_is_lost_at_an_unresolved_shock_is_heat_too():
     np.testing.assert_allclose(heat, power[0] - power[1], rtol=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("diffraction", [ALONG_RAY, ALONG_AXIS])
 def test_second_order_in_the_axial_step(diffraction):
     """With the dissipation of a shock active: 8 harmonics in water, past where a plane wave forms one."""
-    steps = [40e-3 / n for n in (40, 80, 160)]
+    steps = [40e-3 / n for n in (80, 160, 320)]
     end = {}
     for step in (*steps, 40e-3 / 960):
         settings = dataclasses.replace(SMALL, axial_step=step)
@@ -166,6 +168,7 @@ def test_small_sound_is_linear():
     np.testing.assert_allclose(strong.pressure[1], 1e6 * field.pressure[1], rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_checkpoints_change_nothing():
     results = []
     for every in (1, 3, 7):
@@ -237,7 +240,7 @@ def test_power_through_interfaces():
     """What leaves one layer enters the next but for 4 Z1 Z2 / (Z1 + Z2)^2; of equal speed each angle passes alike."""
     heavy = AcousticMedium(1500.0, 1482.0, 0.0, 2.0, 5.0)
     for reflects, passed in ((True, 4.0 * 1.5 / 2.5**2), (False, 1.0)):
-        settings = dataclasses.replace(SMALL, n_harmonics=4, reflects=reflects)
+        settings = dataclasses.replace(SMALL, n_harmonics=1, reflects=reflects)
         field = beam_field(1e6, [WATER, heavy], [40e-3], settings, thickness=(20e-3, 30e-3))
         (entered, left), (beyond, _) = np.asarray(field.layer_power)
         np.testing.assert_allclose(beyond, passed * left, rtol=1e-12)
