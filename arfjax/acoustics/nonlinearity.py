@@ -43,25 +43,32 @@ def steepening_rate(medium: AcousticMedium, fundamental: Scalar) -> Scalar:
 def steepen(pressure: Harmonics, length: Float[Array, "..."], rate: Float[Array, ""], n_substeps: int = 1) -> Harmonics:
     """Harmonics [Pa], the fundamental first, after a path of `length` [m], one for all or one for each point.
 
-    Each substep is symmetric: half of the dissipation, steepening by Runge and Kutta's rule, half of the dissipation.
+    Steepening and the dissipation at shocks are integrated together. Taken in turns, the upper harmonics would rise and
+    fall within each substep, and 2 alpha I where it ends would miss a tenth of the heat.
 
-    Accuracy: of fourth order in length / n_substeps where the spectrum is resolved. Stable while `courant_number` stays
-    below 2.8; at shocks the lower harmonics are good to 1e-3 up to 1.3.
+    Accuracy: of fourth order in length / n_substeps. Stable while `courant_number` stays below 2.8; at shocks the lower
+    harmonics are good to 1e-3, and 2 alpha I to 2e-3, up to 1.3.
     """
     step = jnp.asarray(length, dtype=pressure.real.dtype) / n_substeps
     step = step[..., None] if step.ndim else step
     for _ in range(n_substeps):
-        damping = jnp.exp(-0.5 * step * shock_absorption(pressure, rate))
-        pressure = damping * _runge_kutta(damping * pressure, step, rate)
+        pressure = _runge_kutta(pressure, step, rate)
     return pressure
 
 
 def _runge_kutta(pressure: Harmonics, step: Array, rate: Array) -> Harmonics:
+    """One step, by the rule of fourth order with the dissipation at its start as integrating factor (Lawson)."""
+    absorption = shock_absorption(pressure, rate)
+    half = jnp.exp(-0.5 * step * absorption)
+
+    def slope(pressure: Harmonics) -> Harmonics:
+        return _slope(pressure, rate) + (absorption - shock_absorption(pressure, rate)) * pressure
+
     first = _slope(pressure, rate)
-    second = _slope(pressure + 0.5 * step * first, rate)
-    third = _slope(pressure + 0.5 * step * second, rate)
-    fourth = _slope(pressure + step * third, rate)
-    return pressure + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
+    second = slope(half * (pressure + 0.5 * step * first))
+    third = slope(half * pressure + 0.5 * step * second)
+    fourth = slope(half * (half * pressure + step * third))
+    return half * (half * (pressure + step / 6.0 * first) + step / 3.0 * (second + third)) + step / 6.0 * fourth
 
 
 def _slope(pressure: Harmonics, rate: Array) -> Harmonics:

@@ -1,0 +1,144 @@
+"""Settings refined by what a solution says of itself, and whether it is true."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from arfjax.acoustics import converge
+from arfjax.acoustics.converge import refined, solve_to_tolerance
+from arfjax.acoustics.field import Convergence
+from arfjax.acoustics.layers import AcousticLayer
+from arfjax.acoustics.settings import MarchSettings
+from arfjax.acoustics.sources.gaussian import GaussianSource
+from arfjax.errors import InputError
+from arfjax.media import AcousticMedium
+from arfjax.transducer import PressureDrive
+
+LIVER = AcousticMedium(1060.0, 1584.0, 4.0, 1.1, 7.2)
+BEAM = GaussianSource(radius=4e-3, focal_length=25e-3)
+START = MarchSettings(n_harmonics=8, n_radial=80, domain_radius=20e-3, axial_step=2e-3)
+SETTINGS = MarchSettings(n_harmonics=16)
+
+
+def found(harmonics=0.0, radial=0.0, axial=0.0, shock_fraction=0.0, courant_number=0.1):
+    return Convergence(*map(jnp.asarray, (harmonics, radial, axial, shock_fraction, courant_number)))
+
+
+def changed(settings, better):
+    fields = (each.name for each in dataclasses.fields(settings))
+    return {name: getattr(better, name) for name in fields if getattr(better, name) != getattr(settings, name)}
+
+
+def test_what_is_good_enough_stays():
+    assert refined(SETTINGS, found(1e-3, 1e-3, 1e-3, 0.5, 1.3), 1e-3) == SETTINGS
+
+
+@pytest.mark.parametrize(
+    ("estimates", "expected"),
+    [
+        ({"harmonics": 2e-3}, {"n_harmonics": 24}),
+        ({"radial": 2e-3}, {"n_radial": 320}),
+        ({"axial": 4e-3}, {"axial_step": 0.34e-3 * 0.5}),  # 0.9 / 2, but not below a half at once
+        ({"axial": 2e-3}, {"axial_step": 0.34e-3 * 0.9 / np.sqrt(2.0)}),
+        ({"axial": 1.01e-3}, {"axial_step": 0.34e-3 * 0.8}),
+        ({"courant_number": 2.7}, {"n_substeps": 3}),
+        ({"harmonics": 2e-3, "courant_number": 1.2}, {"n_harmonics": 24, "n_substeps": 2}),
+        ({"harmonics": np.nan}, {"n_harmonics": 24}),
+        ({"radial": np.nan}, {"n_radial": 320}),
+        ({"axial": np.nan}, {"axial_step": 0.17e-3}),
+        ({"courant_number": np.nan}, {"n_substeps": 2}),
+        ({"courant_number": np.inf}, {"n_substeps": 2}),
+    ],
+)
+def test_each_estimate_refines_what_it_is_of(estimates, expected):
+    changes = changed(SETTINGS, refined(SETTINGS, found(**estimates), 1e-3))
+    assert changes.keys() == expected.keys()
+    np.testing.assert_allclose(list(changes.values()), [expected[name] for name in changes], rtol=1e-12)
+
+
+def test_substeps_that_are_not_needed_are_given_back():
+    many = dataclasses.replace(SETTINGS, n_substeps=8)
+    assert changed(many, refined(many, found(courant_number=0.3), 1e-3)) == {"n_substeps": 2}
+
+
+def test_what_cannot_be_refined_is_left():
+    most = MarchSettings(n_harmonics=256, n_radial=1600)
+    assert refined(most, found(harmonics=1.0, radial=1.0), 1e-3) == most
+    linear = MarchSettings()
+    assert refined(linear, found(harmonics=1.0, courant_number=9.0), 1e-3) == linear
+
+
+def test_what_falls_short_is_said():
+    assert found(1e-3, 1e-3, 1e-3).shortcoming(1e-3) == ""
+    for estimates, remedy in (
+        ({"harmonics": 2e-3}, "n_harmonics"),
+        ({"radial": 2e-3}, "n_radial"),
+        ({"axial": 2e-3}, "axial_step"),
+        ({"courant_number": 2.9}, "n_substeps"),
+    ):
+        for value in (estimates, dict.fromkeys(estimates, np.nan)):
+            said = found(**value).shortcoming(1e-3)
+            assert f"`{remedy}`" in said
+            assert said.count("`") == 2
+    assert found(np.nan, np.nan, np.nan, 0.0, np.nan).shortcoming(1e-3).count("; ") == 3
+    np.testing.assert_allclose(found(1e-3, 2e-3, 4e-3).error, 7e-3)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1e-3, 1e-7, 0.2, np.nan])
+def test_a_tolerance_that_cannot_be_meant_is_refused(tolerance):
+    with pytest.raises(InputError, match="`tolerance` must lie between"):
+        solve_to_tolerance(
+            BEAM,
+            PressureDrive(1.1e6, 1e6),
+            [AcousticLayer(LIVER, 0.05)],
+            r=np.zeros(1),
+            z=np.array([0.03]),
+            tolerance=tolerance,
+        )
+
+
+def solved(tolerance, pressure=2e6, settings=START):
+    said = []
+    z = np.array([15e-3, 30e-3])
+    field, settings = solve_to_tolerance(
+        BEAM,
+        PressureDrive(1.1e6, pressure),
+        [AcousticLayer(LIVER, 0.05)],
+        r=np.zeros(1),
+        z=z,
+        tolerance=tolerance,
+        settings=settings,
+        say=said.append,
+    )
+    return field, settings, said
+
+
+@pytest.mark.slow
+def test_the_tolerance_is_reached_in_truth():
+    tolerance = 1e-3
+    field, settings, said = solved(tolerance)
+    assert field.convergence.shortcoming(tolerance) == ""
+    assert settings.axial_step < START.axial_step and settings.n_harmonics > START.n_harmonics
+    assert len(said) >= 3
+    assert "harmonics" in said[0]
+    finest = MarchSettings(n_harmonics=48, n_radial=128, domain_radius=20e-3, axial_step=0.1e-3)
+    exact, same, _ = solved(1e-1, settings=finest)
+    assert same == finest
+    error = np.zeros((48, 2), complex)
+    error[: settings.n_harmonics] = field.pressure[:, 0]
+    error -= np.asarray(exact.pressure[:, 0])
+    sizes = np.linalg.norm(error, axis=0) / np.linalg.norm(exact.pressure[:, 0], axis=0)
+    assert np.all(sizes < tolerance)
+    # The estimate of the axial error is that error, within a factor of four.
+    assert 0.25 < np.max(sizes) / float(field.convergence.axial) < 4.0
+
+
+@pytest.mark.slow
+def test_a_shock_that_cannot_be_resolved_is_said(monkeypatch):
+    monkeypatch.setattr(converge, "_HARMONICS", (8,))
+    field, settings, _ = solved(5e-3, pressure=8e6, settings=dataclasses.replace(START, axial_step=1e-3))
+    assert settings.n_harmonics == 8
+    assert "raise `n_harmonics`" in field.convergence.shortcoming(5e-3)
+    assert np.all(np.isfinite(field.pressure))
