@@ -17,6 +17,7 @@ solution, whose error is flat about them.
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
@@ -26,6 +27,9 @@ from arfjax.media import AcousticMedium, Scalar
 
 FEWEST_HARMONICS = 4
 """With fewer the upper half, where the sensor looks for a shock, would hold the fundamental."""
+
+_RUNGE_KUTTA = ((0.0, 0.5, 0.5, 1.0), (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0))
+"""How far ahead of each slope the next one is taken, and their weights."""
 
 _DISSIPATION = 3.0
 _UNDAMPED = 0.3
@@ -57,11 +61,16 @@ def steepen(pressure: Harmonics, length: Float[Array, "..."], rate: Float[Array,
 
 
 def _runge_kutta(pressure: Harmonics, step: Array, rate: Array) -> Harmonics:
-    first = _slope(pressure, rate)
-    second = _slope(pressure + 0.5 * step * first, rate)
-    third = _slope(pressure + 0.5 * step * second, rate)
-    fourth = _slope(pressure + step * third, rate)
-    return pressure + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
+    def stage(slopes: tuple[Array, Array], own: tuple[Array, Array]) -> tuple[tuple[Array, Array], None]:
+        latest, mean = slopes
+        ahead, weight = own
+        latest = _slope(pressure + ahead * step * latest, rate)
+        return (latest, mean + weight * latest), None
+
+    # A loop, of which one stage is compiled, a sixth less to compile than the four written out.
+    ahead, weight = (jnp.asarray(row, dtype=pressure.real.dtype) for row in _RUNGE_KUTTA)
+    (_, mean), _ = jax.lax.scan(stage, (jnp.zeros_like(pressure),) * 2, (ahead, weight))
+    return pressure + step * mean
 
 
 def _slope(pressure: Harmonics, rate: Array) -> Harmonics:
