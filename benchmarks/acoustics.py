@@ -27,7 +27,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import arfjax as ax
-from arfjax.acoustics.diffraction import Diffraction, ExactOneWay
+from arfjax.acoustics.diffraction import ExactOneWay
+from arfjax.acoustics.field import HarmonicField
 from arfjax.acoustics.intensity import heat_deposition
 from arfjax.acoustics.one_way import AcousticLayer, MarchSettings, solve_field
 from arfjax.acoustics.sources.projected_bowl import ProjectedBowl
@@ -44,8 +45,8 @@ START = {"start_plane": 9.297e-3, "n_quadrature": 640, "steepens_from_source": F
 """As in the references, sound steepens from this plane on."""
 
 SETTINGS = {
-    50: MarchSettings(n_harmonics=24, axial_step=0.505e-3, **START),
-    150: MarchSettings(n_harmonics=48, n_radial=576, axial_step=0.449e-3, n_substeps=2, **START),
+    50: MarchSettings(n_harmonics=20, axial_step=0.505e-3, **START),
+    150: MarchSettings(n_harmonics=48, n_radial=576, axial_step=0.421e-3, **START),
 }
 TARGETS_S = {50: {"float32": 0.25, "float64": 0.5}, 150: {"float32": 1.5, "float64": 3.0}}
 PAPER = MarchSettings(n_harmonics=128, n_radial=672, axial_step=(LENGTH - START["start_plane"]) / 2019, **START)
@@ -65,7 +66,6 @@ class Plan:
     paper: MarchSettings = PAPER
     precisions: tuple[str, ...] = ("float32", "float64")
     references: tuple[str, ...] = ("T1", "T2", "T3")
-    stride: float = 0.5e-3
     checkpoints: tuple[int, ...] = (1, 14)
     harmonics: tuple[int, ...] = (16, 32, 64, 128)
     radial: tuple[int, ...] = (128, 256, 512)
@@ -84,7 +84,6 @@ QUICK = Plan(
     paper=_TINY,
     precisions=("float32",),
     references=("T3",),
-    stride=8e-3,
     checkpoints=(1,),
     harmonics=(4, 8),
     radial=(),
@@ -177,11 +176,11 @@ def extremes(pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return wave.max(axis=0), wave.min(axis=0)
 
 
-def errors(name: str, power: float, settings: MarchSettings, spacing: float) -> dict[str, float | bool]:
+def errors(name: str, power: float, settings: MarchSettings) -> dict[str, float | bool]:
     """Of pressures and heat about the focus, against one of the stored solutions."""
     stored = np.load(REFERENCE / f"{name}_P{power:.0f}.npz")
-    z = positions(stored["z_m"], spacing)
-    field = eqx.filter_jit(lambda drive: _as_stored(name, drive, settings, z))(_drive(name, power))
+    z = positions(stored["z_m"], settings.axial_step)
+    field = _as_stored(name, power, settings, z)
     near = (z > FOCUS[0]) & (z < FOCUS[1])
     kept = np.searchsorted(stored["z_m"], z[near] - 1e-9)
     positive, negative = extremes(np.asarray(field.pressure[:, 0], dtype=complex)[:, near])
@@ -194,21 +193,20 @@ def errors(name: str, power: float, settings: MarchSettings, spacing: float) -> 
     return {**{key: round(value, 6) for key, value in off.items()}, "within": all(off[k] < LIMITS[k] for k in off)}
 
 
-def _drive(name: str, power: float) -> Drive | PressureDrive:
-    if name == "T1":
-        return PressureDrive(FREQUENCY, T1_PRESSURE * (power / 50.0) ** 0.5)
-    return Drive(FREQUENCY, float(power))
-
-
-def _as_stored(name: str, drive: Drive | PressureDrive, settings: MarchSettings, z: np.ndarray):
+def _as_stored(name: str, power: float, settings: MarchSettings, z: np.ndarray) -> HarmonicField:
     """The field with the physics of a stored solution."""
-    diffraction: dict[str, Diffraction] = {
-        "T1": ExactOneWay(absorption_along_ray=False, steepening_along_ray=False),
-        "T2": ExactOneWay(steepening_along_ray=False),
-        "T3": ExactOneWay(),
-    }
-    source = ProjectedBowl(BOWL, fade_grazing=True) if name == "T1" else BOWL
-    return solve_field(source, drive, layers(), r=np.zeros(1), z=z, settings=settings, diffraction=diffraction[name])
+    projected = ProjectedBowl(BOWL, fade_grazing=True), PressureDrive(FREQUENCY, T1_PRESSURE * (power / 50.0) ** 0.5)
+    bowl, along_axis = (BOWL, Drive(FREQUENCY, float(power))), ExactOneWay(steepening_along_ray=False)
+    (source, drive), diffraction = {
+        "T1": (projected, ExactOneWay(absorption_along_ray=False, steepening_along_ray=False)),
+        "T2": (bowl, along_axis),
+        "T3": (bowl, ExactOneWay()),
+    }[name]
+    return eqx.filter_jit(
+        lambda drive: solve_field(
+            source, drive, layers(), r=np.zeros(1), z=z, settings=settings, diffraction=diffraction
+        )
+    )(drive)
 
 
 def forward_and_gradient(power: float, settings: MarchSettings, z: np.ndarray, plan: Plan) -> dict:
@@ -227,12 +225,12 @@ def forward_and_gradient(power: float, settings: MarchSettings, z: np.ndarray, p
 
 def five_layers(power: int, plan: Plan, settings: MarchSettings, references: tuple[str, ...]) -> dict:
     """The case, in each precision: errors and times."""
-    z = positions(np.load(REFERENCE / f"T3_P{power}.npz")["z_m"], plan.stride)
+    z = positions(np.load(REFERENCE / f"T3_P{power}.npz")["z_m"], settings.axial_step)
     result: dict = {"settings": settings_of(settings), "positions": len(z)}
     for precision in plan.precisions:
         with jax.enable_x64(PRECISIONS[precision]):
             result[precision] = {
-                "errors": {name: errors(name, power, settings, plan.stride) for name in references},
+                "errors": {name: errors(name, power, settings) for name in references},
                 **forward_and_gradient(power, settings, z, plan),
                 "target_s": TARGETS_S[power][precision],
             }
