@@ -14,6 +14,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import argparse
 import dataclasses
 import json
+import math
 import platform
 import statistics
 import time
@@ -105,7 +106,8 @@ class Compiled:
         self.trace_s, started = time.perf_counter() - started, time.perf_counter()
         self.run = lowered.compile()
         self.compile_s, self.arguments = time.perf_counter() - started, arguments
-        self.temp_mb = self.run.memory_analysis().temp_size_in_bytes / 1e6
+        analysis = self.run.memory_analysis()
+        self.temp_mb = math.nan if analysis is None else analysis.temp_size_in_bytes / 1e6
 
     def seconds(self) -> float:
         """Of one run."""

@@ -69,7 +69,8 @@ def _runge_kutta(pressure: Harmonics, step: Array, rate: Array) -> Harmonics:
 
     # A loop, of which one stage is compiled, a sixth less to compile than the four written out.
     ahead, weight = (jnp.asarray(row, dtype=pressure.real.dtype) for row in _RUNGE_KUTTA)
-    (_, mean), _ = jax.lax.scan(stage, (jnp.zeros_like(pressure),) * 2, (ahead, weight))
+    zero = jnp.zeros_like(pressure)
+    (_, mean), _ = jax.lax.scan(stage, (zero, zero), (ahead, weight))
     return pressure + step * mean
 
 
