@@ -17,6 +17,7 @@ Blackstock's solution, whose error is flat about them.
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
@@ -51,9 +52,10 @@ def steepen(pressure: Harmonics, length: Float[Array, "..."], rate: Float[Array,
     """
     step = jnp.asarray(length, dtype=pressure.real.dtype) / n_substeps
     step = step[..., None] if step.ndim else step
-    for _ in range(n_substeps):
-        pressure = _runge_kutta(pressure, step, rate)
-    return pressure
+    if n_substeps == 1:
+        return _runge_kutta(pressure, step, rate)
+    # A loop, so that what is compiled does not grow with it.
+    return jax.lax.scan(lambda each, _: (_runge_kutta(each, step, rate), None), pressure, None, length=n_substeps)[0]
 
 
 def _runge_kutta(pressure: Harmonics, step: Array, rate: Array) -> Harmonics:

@@ -48,30 +48,52 @@ def bessel_j1(x: Inexact[Array, "..."]) -> Inexact[Array, "..."]:
 
 
 def _evaluate(order: int, x: Array) -> Array:
-    near_coefficients, p_coefficients, q_coefficients = _coefficients(order)
+    near_coefficients, p_coefficients, q_coefficients = _coefficients(order, jnp.finfo(x.dtype).bits == 64)
     is_near = x.real < SPLIT
     # Each branch sees an argument inside its own range, so that neither value nor gradient overflows where unused.
     near = jnp.where(is_near, x, 0.0)
     far = jnp.where(is_near, SPLIT, x)
     small = _clenshaw(near_coefficients, 2.0 * (near / SPLIT) ** 2 - 1.0) * near**order
-    inverse = SPLIT / far
-    p = _clenshaw(p_coefficients, 2.0 * inverse**2 - 1.0)
-    q = _clenshaw(q_coefficients, 2.0 * inverse**2 - 1.0) * inverse
-    phase = far - (order / 2.0 + 0.25) * math.pi
-    large = jnp.sqrt(2.0 / math.pi / far) * (p * jnp.cos(phase) - q * jnp.sin(phase))
+    inverse, root, cosine, sine = _asymptotic(far, (order / 2.0 + 0.25) * math.pi)
+    squared = 2.0 * inverse**2 - 1.0
+    p = _clenshaw(p_coefficients, squared)
+    q = _clenshaw(q_coefficients, squared) * inverse
+    large = math.sqrt(2.0 / math.pi / SPLIT) * root * (p * cosine - q * sine)
     return jnp.where(is_near, small, large)
+
+
+def _asymptotic(x: Array, lag: float) -> tuple[Array, Array, Array, Array]:
+    """SPLIT / x and its root, cosine and sine of x - lag, for a real part of at least SPLIT.
+
+    Complex ones from real functions: XLA's own, which provide for any magnitude, take several times as long.
+    """
+    if not jnp.iscomplexobj(x):
+        inverse = SPLIT / x
+        return inverse, jnp.sqrt(inverse), jnp.cos(x - lag), jnp.sin(x - lag)
+    inverse = jax.lax.complex(x.real, -x.imag) * (SPLIT / (x.real**2 + x.imag**2))
+    real = jnp.sqrt(0.5 * (jnp.sqrt(inverse.real**2 + inverse.imag**2) + inverse.real))
+    root = jax.lax.complex(real, 0.5 * inverse.imag / real)
+    cosine, sine = jnp.cos(x.real - lag), jnp.sin(x.real - lag)
+    growing = jnp.exp(x.imag)
+    even, odd = 0.5 * (growing + 1.0 / growing), 0.5 * (growing - 1.0 / growing)
+    return inverse, root, jax.lax.complex(cosine * even, -sine * odd), jax.lax.complex(sine * even, cosine * odd)
 
 
 def _clenshaw(coefficients: tuple[float, ...], x: Array) -> Array:
     latest, before = jnp.zeros_like(x), jnp.zeros_like(x)
+    twice = 2.0 * x
     for coefficient in coefficients[:0:-1]:
-        latest, before = 2.0 * x * latest - before + coefficient, latest
+        latest, before = twice * latest - before + coefficient, latest
     return x * latest - before + coefficients[0]
 
 
 @functools.cache
-def _coefficients(order: int) -> tuple[tuple[float, ...], ...]:
-    """Chebyshev coefficients of the near series and of P and Q 8/x, each in its variable mapped to [-1, 1]."""
+def _coefficients(order: int, is_double: bool) -> tuple[tuple[float, ...], ...]:
+    """Chebyshev coefficients of the near series and of P and Q 8/x, each in its variable mapped to [-1, 1].
+
+    They are those that a precision can tell from zero.
+    """
+    smallest = 1e-15 if is_double else 1e-9
 
     def near(t: np.ndarray) -> np.ndarray:
         x = SPLIT * np.sqrt(0.5 * (t + 1.0))
@@ -85,11 +107,11 @@ def _coefficients(order: int) -> tuple[tuple[float, ...], ...]:
     def amplitude_q(t: np.ndarray) -> np.ndarray:
         return np.imag(amplitude(t)) / np.sqrt(0.5 * (t + 1.0))
 
-    return _fit(near), _fit(lambda t: np.real(amplitude(t))), _fit(amplitude_q)
+    return _fit(near, smallest), _fit(lambda t: np.real(amplitude(t)), smallest), _fit(amplitude_q, smallest)
 
 
-def _fit(function: Callable[[np.ndarray], np.ndarray]) -> tuple[float, ...]:
+def _fit(function: Callable[[np.ndarray], np.ndarray], smallest: float) -> tuple[float, ...]:
     series = np.polynomial.Chebyshev.interpolate(function, _DEGREE)
     coefficients = series.coef
-    kept = np.flatnonzero(np.abs(coefficients) > 1e-17)
-    return tuple(float(value) for value in coefficients[: kept[-1] + 1])
+    kept = np.argmax(np.abs(coefficients) < smallest)
+    return tuple(float(value) for value in coefficients[:kept])

@@ -27,6 +27,9 @@ from arfjax.numerics.quadrature import gauss_legendre
 _EVANESCENT_DECAY = 20.0
 """Where the evanescent integral stops: exp(-20) is 2e-9 of its start."""
 
+_ROWS = 64
+"""How many angles of the table are computed at once."""
+
 
 class Rings(eqx.Module):
     """A surface as quadrature rings about the axis.
@@ -78,13 +81,13 @@ def radiated_pressure(
     """
     distance = plane - rings.depth
     sine, cosine, weight = _angles(wavenumber.real * (plane - foremost), n_quadrature)
-    # One table serves both ends: columns for the radii wanted, then for the rings of the surface. Without
-    # the barrier XLA computes it anew for each use.
+    # One table serves both ends: columns for the radii wanted, then for the rings of the surface. It is made in a loop,
+    # some rows at a time: otherwise XLA computes it anew, and slowly, within each product that uses it.
     radii = jnp.concatenate([jnp.asarray(r, dtype=float), rings.radius])
-    bessel: Array = jax.lax.optimization_barrier(bessel_j0(wavenumber * sine[:, None] * radii[None, :]))
+    bessel: Array = jax.lax.map(lambda sine: bessel_j0(wavenumber * sine * radii), sine, batch_size=_ROWS)
     at_plane, at_rings = bessel[:, : len(r)], bessel[:, len(r) :]
     advance = jnp.exp(-1j * wavenumber * cosine[:, None] * distance[None, :])
-    spectrum = (at_rings * advance) @ (rings.weight * rings.radius * rings.length).astype(bessel.dtype)
+    spectrum = jnp.sum(at_rings * advance * (rings.weight * rings.radius * rings.length)[None, :], axis=1)
     pressure = source_pressure * wavenumber.real * wavenumber * ((weight * spectrum) @ at_plane)
     return jnp.where(plane > foremost, pressure, jnp.nan)
 

@@ -1,0 +1,34 @@
+"""The benchmarks run: what they measure is for idle machines, not for tests."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from benchmarks import acoustics
+
+
+@pytest.mark.slow
+def test_benchmark_of_the_sound_field_runs(tmp_path, monkeypatch):
+    out = tmp_path / "acoustics.json"
+    monkeypatch.setattr(sys, "argv", ["acoustics", "--quick", "--out", str(out)])
+    acoustics.main()
+    found = json.loads(out.read_text())
+    case = found["five layers, 50 W"]["float32"]
+    assert set(case["errors"]["T3"]) == {*acoustics.LIMITS, "within"}
+    assert case["forward"]["min_s"] > 0.0 and case["forward"]["temp_mb"] > 0.0
+    assert case["gradient, 1 steps per checkpoint"]["over_forward"] > 0.0
+    assert found["growth, float32"]["harmonics"]["sizes"] == list(acoustics.QUICK.harmonics)
+    assert found["attenuations at once, float32"][0]["members"] == 2
+    assert found["paper's run"]["float32"]["repeats"] == 1
+
+
+@pytest.mark.parametrize("name", ["T1_P50", "T2_P50", "T3_P50", "T1_P150", "T2_P150", "T3_P150"])
+def test_positions_are_stored_ones_a_step_apart(name):
+    stored = np.load(acoustics.REFERENCE / f"{name}.npz")["z_m"]
+    step = acoustics.SETTINGS[int(name[4:])].axial_step
+    z = acoustics.positions(stored, step)
+    assert set(z) <= set(stored)
+    assert 0.9 * step < np.diff(z).max() <= step
+    assert z[0] < acoustics.FOCUS[0] and z[-1] > acoustics.FOCUS[1]
