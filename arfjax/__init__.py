@@ -13,7 +13,7 @@ from arfjax.acoustics.diffraction import Pade12 as Pade12
 from arfjax.acoustics.diffraction import Parabolic as Parabolic
 from arfjax.acoustics.field import Convergence as Convergence
 from arfjax.acoustics.field import HarmonicField as HarmonicField
-from arfjax.acoustics.intensity import fundamental_force_density as fundamental_force_density
+from arfjax.acoustics.intensity import force_density_of_intensity as force_density_of_intensity
 from arfjax.acoustics.intensity import heat_deposition as heat_deposition
 from arfjax.acoustics.intensity import intensity as intensity
 from arfjax.acoustics.intensity import radiation_force_density as radiation_force_density

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from arfjax.acoustics.field import HarmonicField
 from arfjax.acoustics.intensity import (
-    fundamental_force_density,
+    force_density_of_intensity,
     heat_deposition,
     intensity,
     radiation_force_density,
@@ -162,7 +162,7 @@ def full_field_dataset(field: HarmonicField, focus: float, *, tolerance: float) 
         "peak_waveform": (("period_time",), peak),
         "focal_spectrum": (by_harmonic, amplitude[:, 0, plane]),
         "peak_spectrum": (by_harmonic, amplitude[:, *highest]),
-        "radiation_force_density_of_intensity": (("r", "z"), np.asarray(fundamental_force_density(field))),
+        "radiation_force_density_of_intensity": (("r", "z"), np.asarray(force_density_of_intensity(field))),
         "entering_power": (by_layer, budget.entering),
         "leaving_power": (by_layer, budget.leaving),
         "reflected_power": (by_layer, budget.reflected),

@@ -245,7 +245,7 @@ def layers() -> list[AcousticLayer]:
 def run_ours(power: float, settings: MarchSettings, repeats: int) -> dict:
     """Source and physics of the other code (T1), the true bowl (T2), and as this package has it by default (T3)."""
     bowl = BOWL, Drive(FREQUENCY, power)
-    projected = ProjectedBowl(BOWL), PressureDrive(FREQUENCY, T1_PRESSURE * (power / 50.0) ** 0.5)
+    projected = ProjectedBowl(BOWL, fade_grazing=True), PressureDrive(FREQUENCY, T1_PRESSURE * (power / 50.0) ** 0.5)
     along_axis = ExactOneWay(absorption_along_ray=False, steepening_along_ray=False)
     cases = {
         "T1": (*projected, along_axis),

@@ -315,7 +315,7 @@ WRONG = {
     "text for nonlinear": (acoustics('nonlinear = "yes"'), "`acoustics.nonlinear`: expected true or false, got 'yes'"),
     "tolerance in percent": (
         acoustics("tolerance = 1.0"),
-        "`acoustics.tolerance`: expected 1e-06 to 0.1, got 1; it is relative: 0.001 is 0.1 percent",
+        "`acoustics.tolerance`: expected 0.0001 to 0.1, got 1; it is relative: 0.001 is 0.1 percent",
     ),
     "unknown operator": (
         acoustics('diffraction = "kzk"'),

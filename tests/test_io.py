@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from arfjax.acoustics.intensity import fundamental_force_density, heat_deposition, radiation_force_density
+from arfjax.acoustics.intensity import force_density_of_intensity, heat_deposition, radiation_force_density
 from arfjax.experiment import read_experiment
 from arfjax.figures import draw_field, draw_sound
 from arfjax.io import COORDINATES, MAPPED_HARMONICS, VARIABLES, field_dataset, full_field_dataset, write_netcdf
@@ -68,7 +68,7 @@ def test_what_the_attributes_state(nonlinear):
     told = data.attrs
     assert (told["peak_positive_pressure_r_m"], told["peak_positive_pressure_z_m"]) == (0.0, pytest.approx(60e-3))
     assert told["peak_positive_pressure_pa"] > -1.2 * told["peak_negative_pressure_pa"] > 0.0
-    simple, full = fundamental_force_density(field)[0, 30], radiation_force_density(field)[0, 30]
+    simple, full = force_density_of_intensity(field)[0, 30], radiation_force_density(field)[0, 30]
     assert told["radiation_force_of_intensity_relative_difference"] == pytest.approx(float(simple / full - 1.0))
     assert told["radiation_force_of_intensity_relative_difference"] < -0.01
     assert told["tolerance_statement"] == "reached" and told["tolerance"] == 1e-3

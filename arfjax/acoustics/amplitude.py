@@ -1,5 +1,7 @@
 """A drive from the peak pressure that a hydrophone found in water."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +14,7 @@ from arfjax.acoustics.one_way import solve_field
 from arfjax.acoustics.settings import MarchSettings
 from arfjax.acoustics.sources.base import Source
 from arfjax.acoustics.waveform import peak_pressures
+from arfjax.errors import InputError
 from arfjax.media import AcousticMedium, Scalar
 from arfjax.transducer import FocusedBowl, PressureDrive
 
@@ -41,11 +44,18 @@ def drive_for_peak_pressure(
 
     Returns:
         The drive; its pressure is NaN where Newton's method did not converge (no drive makes so much in this medium,
-        or the settings do not resolve it).
+        or the settings do not resolve it), and where the peak is at the first or last of the positions.
 
-    Accuracy: 1e-6 of the pressure, beside the march's own.
+    Raises:
+        InputError: if there are fewer than three positions, or they are not evenly spaced.
+
+    Accuracy: 1e-6 of the pressure, beside the march's own and the parabola's (1e-4 for a spacing of a tenth of the
+    focus' length).
     Differentiability: by the implicit function theorem, in everything.
     """
+    spacing = np.diff(z)
+    if len(z) < 3 or not np.all(np.abs(spacing - spacing[0]) < 1e-6 * abs(spacing[0])):
+        raise InputError(f"`z` must hold three or more evenly spaced positions about the focus [m], got {z}.")
     layers = [AcousticLayer(medium, float(z[-1]) + 1e-3)]
 
     def highest(pressure: Array, settings: MarchSettings) -> Array:
@@ -73,12 +83,14 @@ def drive_for_peak_pressure(
 
 
 def _linear(settings: MarchSettings) -> MarchSettings:
-    return MarchSettings(**{**vars(settings), "n_harmonics": 1})
+    return dataclasses.replace(settings, n_harmonics=1)
 
 
 def _top(values: Float[Array, " z"]) -> Float[Array, ""]:
-    """Top of the parabola through the highest of the values and its neighbours."""
-    middle = jnp.clip(jnp.argmax(values), 1, len(values) - 2)
+    """Top of the parabola through the highest of the values and its neighbours; NaN where it has but one."""
+    highest = jnp.argmax(values)
+    middle = jnp.clip(highest, 1, len(values) - 2)
     left, top, right = (jax.lax.dynamic_index_in_dim(values, middle + i, keepdims=False) for i in (-1, 0, 1))
     slope, curvature = 0.5 * (right - left), right - 2.0 * top + left
-    return jnp.where(curvature < 0.0, top - 0.5 * slope**2 / jnp.where(curvature < 0.0, curvature, -1.0), top)
+    summit = jnp.where(curvature < 0.0, top - 0.5 * slope**2 / jnp.where(curvature < 0.0, curvature, -1.0), top)
+    return jnp.where(highest == middle, summit, jnp.nan)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import jax
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Float
 
 from arfjax.acoustics.layers import SAME_POSITION, AcousticLayer
@@ -22,9 +23,12 @@ def check_source(
     Raises:
         InputError: if the source or the settings make no sense, alone or together.
     """
+    for leaf in jax.tree.leaves((source, drive, [layer.medium for layer in layers])):
+        if not isinstance(leaf, Tracer) and not np.all(np.isfinite(leaf)) and not _means_unfocused(leaf):
+            raise InputError("the source, its drive or a layer's medium holds a value that is not finite.")
     source.check()
     thicknesses = [layer.thickness for layer in layers]
-    if not thicknesses or min(thicknesses) <= 0.0:
+    if not thicknesses or not all(thickness > 0.0 for thickness in thicknesses):  # what is not a number, too
         raise InputError(f"`layers` need positive thicknesses [m], got {thicknesses}. Leave an absent layer out.")
     with jax.ensure_compile_time_eval():
         aperture, depth = concrete(source.aperture_radius), concrete(source.depth)
@@ -71,15 +75,20 @@ def check_positions(
 ) -> None:
     """Raise `InputError` where the wanted positions are not where the march passes."""
     last = sum(layer.thickness for layer in layers)
-    if len(z) == 0 or np.any(np.diff(z) <= SAME_POSITION):
+    if len(z) == 0 or not np.all(np.diff(z) > SAME_POSITION) or not np.all(np.isfinite(z)):
         raise InputError(f"`z` must hold ascending positions [m], got {z}.")
-    if z[0] < start - SAME_POSITION or z[-1] > last + SAME_POSITION:
+    if z[0] < start - SAME_POSITION or z[-1] > last + SAME_POSITION or z[-1] <= start + SAME_POSITION:
         raise InputError(
             f"`z` from {z[0]} to {z[-1]} m must lie between the start plane at {start} m and the end of the last layer "
-            f"at {last} m. Millimetres? Pass metres from the bowl's apex."
+            f"at {last} m, the last beyond the start plane. Millimetres? Pass metres from the bowl's apex."
         )
     clean = settings.sponge_start * settings.domain_radius
-    if len(r) == 0 or np.min(r) < 0.0 or np.max(r) > clean:
+    if len(r) == 0 or not np.min(r) >= 0.0 or not np.max(r) <= clean:
         raise InputError(
             f"`r` must lie between 0 and {clean} m, where the sponge begins, got {r}. Enlarge `domain_radius`."
         )
+
+
+def _means_unfocused(value: object) -> bool:
+    """An infinite focal length is that of a beam without focus."""
+    return bool(np.all(np.isposinf(np.asarray(value))))

@@ -19,8 +19,8 @@ It takes 1e-10 of a wave's amplitude over 80 wavelengths.
 """
 
 _STEEPEST = 0.6
-"""Cosine of the largest angle of whose path the march takes account, 53 degrees. With less than 0.5, the inverse of 2,
-the sponge would be unstable."""
+"""Cosine of the largest angle of whose path the march takes account, 53 degrees: near grazing the path has no end. Of
+bowls deeper than F/0.63 the outermost rays steepen as if they came from there."""
 
 
 class Diffraction(eqx.Module):
@@ -81,7 +81,7 @@ class ExactOneWay(Diffraction):
     def path(
         self, wavenumber: Float[Array, " harmonic"], radial_wavenumber: Float[Array, " mode"]
     ) -> Float[Array, "harmonic mode"] | None:
-        """1 / cos(angle to the axis), held beyond `_STEEPEST`, where no bowl sends power."""
+        """1 / cos(angle to the axis), held beyond `_STEEPEST`."""
         if not self.steepening_along_ray:
             return None
         sine = radial_wavenumber[None, :] / wavenumber[:, None]

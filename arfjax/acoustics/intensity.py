@@ -30,7 +30,7 @@ def radiation_force_density(field: HarmonicField) -> Float[Array, "r z"]:
     return jnp.sum(2.0 * (field.attenuation + _at_shocks(field)) * intensity(field), axis=0) / field.sound_speed
 
 
-def fundamental_force_density(field: HarmonicField) -> Float[Array, "r z"]:
+def force_density_of_intensity(field: HarmonicField) -> Float[Array, "r z"]:
     """Radiation force density as 2 alpha I / c [N/m^3], with all intensity but the fundamental's attenuation.
 
     That is the formula of the linear case. As higher harmonics are attenuated more it falls short of

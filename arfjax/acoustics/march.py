@@ -8,7 +8,7 @@ distance, makes N act along each component's own path as it does in Westervelt's
     the operators at the nodes:         d = T (Phi_h(p) - p) at p = T^-1 (a + s / 2), then a + W d
     half a step of the diagonal part
 
-with T the transform and Phi_h the exact flow of N. Phi_h does not know that the pressure grows by W d in place of d
+with T the transform and Phi_h the flow of N. Phi_h does not know that the pressure grows by W d in place of d
 along its step; s = (W - 1) d of the step before, carried along, tells it, and keeps the second order. For W = 1 this is
 Strang's splitting. The sponge, which may take all of the pressure in one step, is left out of W: d is then split by
 nodes, those of the clean field and those of the ring.
@@ -83,7 +83,7 @@ def march(
         evaluation: Matrix from the series to the radii at which the pressure is kept.
         physical: Flow of what acts at the nodes, over a step's length [m].
         n_clean: How many nodes from the axis on `path` holds for; None for all.
-        factors: What the pressure at the nodes is multiplied with in each step besides.
+        factors: What the pressure at the nodes is multiplied with in each half of a step besides.
         observe: Called with the series and the pressure at the nodes in the middle of each step, and its length.
         steps_per_checkpoint: The reverse mode keeps the state at every so many steps and computes the others anew:
             more of them take less memory and, above 1, a third more time.
@@ -98,8 +98,8 @@ def march(
         amplitude = half * beam.amplitude
         guess = amplitude if beam.drift is None else amplitude + 0.5 * length * half * beam.drift
         before = transform(from_series, guess)
-        after = physical(before, length)
-        after = after if factor is None else factor.T * after
+        # Half of the factor before and half after: what changes attenuation does not commute with steepening.
+        after = physical(before, length) if factor is None else factor.T * physical(factor.T * before, length)
         observed = jax.lax.stop_gradient(observe(guess, before, length))
         if excess is None:
             beam = Beam(half * (amplitude + transform(to_series, after - before)), None)

@@ -161,7 +161,8 @@ def _solve(
             steps_per_checkpoint=settings.steps_per_checkpoint,
         )
         ends = (amplitude.T, marched.end.amplitude.T)
-        through = [power_through_plane(each, axial, basis, medium.density, frequency) for each in ends]
+        exact = ExactOneWay().axial_wavenumber(wavenumber, constant(basis.wavenumbers))
+        through = [power_through_plane(each, exact, basis, medium.density, frequency) for each in ends]
         powers.append(jnp.sum(jnp.stack(through), axis=1))
         parts.append(marched)
         amplitude, drift, depth = marched.end.amplitude, marched.end.drift, end

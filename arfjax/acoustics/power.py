@@ -63,7 +63,7 @@ class PowerBudget(eqx.Module):
         entering: Behind each layer's front, or the start plane [W].
         leaving: In front of each layer's back, or the last position [W].
         reflected: What does not get past each layer's front [W]. As the march reflects at all angles what it would at
-            normal incidence, refraction adds to it or makes up for it, and it may be below zero. None for the first
+            normal incidence, refraction adds to it or makes up for it, and it may be below zero. 0 for the first
             layer.
         lost: Absorbed, scattered or sent out sideways inside each layer [W].
     """

@@ -20,7 +20,7 @@ class MarchSettings(eqx.Module):
         sponge_end: Where it reaches full strength.
         sponge_strength: Full strength [Np per domain radius of axial travel]. Chosen, like the two fractions, by the
             error against O'Neil's formula about the focus, which is flat around the default.
-        n_quadrature: Gauss points of the source's integrals; see `rayleigh_pressure`.
+        n_quadrature: Gauss points of the source's integrals; see `radiated_pressure`.
         n_substeps: Into how many parts each step is cut for steepening alone; see `steepen` for what is stable.
         steepens_from_source: Whether sound steepens from the source's surface on, along its rays up to the start plane,
             or only from the start plane on.
@@ -28,7 +28,7 @@ class MarchSettings(eqx.Module):
         steps_per_checkpoint: See `march`: more save memory in the reverse mode.
 
     Raises:
-        InputError: if there are 2 or 3 harmonics, or a count is below 1.
+        InputError: if there are 2 or 3 harmonics, a count is below 1, or a length makes no sense.
     """
 
     n_harmonics: int = eqx.field(static=True, default=1)
@@ -52,6 +52,16 @@ class MarchSettings(eqx.Module):
                 f"`n_harmonics` must be 1, for linear sound, or {FEWEST_HARMONICS} or more, got {self.n_harmonics}: "
                 "the upper half of fewer harmonics cannot tell whether the waveform is resolved."
             )
-        for name in ("n_harmonics", "n_substeps", "steps_per_checkpoint"):
+        for name in ("n_harmonics", "n_radial", "n_quadrature", "n_substeps", "steps_per_checkpoint"):
             if getattr(self, name) < 1:
                 raise InputError(f"`{name}` must be at least 1, got {getattr(self, name)}.")
+        if not 0.0 < self.axial_step < self.domain_radius < 10.0:
+            raise InputError(
+                f"`axial_step` {self.axial_step} m must be above 0 and below `domain_radius` {self.domain_radius} m. "
+                "Millimetres? Pass metres."
+            )
+        if not 0.0 < self.sponge_start < self.sponge_end <= 1.0 or not 0.0 <= self.sponge_strength < float("inf"):
+            raise InputError(
+                f"the absorbing ring needs 0 < sponge_start < sponge_end <= 1 and a strength from 0 on, got "
+                f"{self.sponge_start}, {self.sponge_end} and {self.sponge_strength}."
+            )

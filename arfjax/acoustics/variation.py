@@ -166,14 +166,14 @@ def step_factors(
     nodes: Float[np.ndarray, " node"],
     positions: Float[np.ndarray, " position"],
 ) -> Complex[Array, "step harmonic node"] | None:
-    """What the variation multiplies the pressure at the nodes [m] with in each step between positions [m] of a layer.
+    """What the variation multiplies the pressure at the nodes [m] with in half of each step between positions [m].
 
     None where the layer does not vary.
     """
     changes = None if variation is None else variation.mean_between(layer, nodes, positions)
     if changes is None:
         return None
-    lengths = jnp.asarray(np.diff(positions), dtype=float)
+    lengths = 0.5 * jnp.asarray(np.diff(positions), dtype=float)
     return jnp.moveaxis(jnp.exp(-1j * wavenumber_change(medium, *changes, frequency) * lengths[None, None, :]), 2, 0)
 
 

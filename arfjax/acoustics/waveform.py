@@ -55,7 +55,7 @@ def peak_pressures(field: HarmonicField) -> tuple[Float[Array, "r z"], Float[Arr
 
     Accuracy: the extremes of the tapered sum (`readout`) are found to rounding, from 8 instants per period of the
     highest harmonic and Newton's steps. Of plane waves from a sine, against their closed forms: the positive peak is
-    within 1e-5 of itself where the shock fraction is below 0.02, 2e-3 up to 0.2; at shocks that are not resolved 1 to
+    within 2e-5 of itself where the shock fraction is below 0.02, 2e-3 up to 0.2; at shocks that are not resolved 1 to
     3 percent, with 40 to 128 harmonics.
     Differentiability: both modes, second derivatives too, but where two crests are equally high.
     Memory: that of the field, and waveforms for one axial position at a time.

@@ -44,7 +44,7 @@ class AcousticsSection(Section):
     nonlinear: Annotated[bool, Strict()] | None = None
     harmonics: Annotated[int, Strict(), AfterValidator(_countable)] | None = None
     diffraction: Literal["exact", "pade12", "pade11", "parabolic"] = "exact"
-    tolerance: Annotated[Number, between(1e-6, 0.1, "", "it is relative: 0.001 is 0.1 percent")] = 1e-3
+    tolerance: Annotated[Number, between(1e-4, 0.1, "", "it is relative: 0.001 is 0.1 percent")] = 1e-3
     steepening: Literal["along-ray", "along-axis"] = "along-ray"
     source: Literal["bowl", "projected"] = "bowl"
 
@@ -118,7 +118,8 @@ class AcousticsSection(Section):
             keeps_harmonics=self.harmonics is not None,
             say=say,
         )
-        return field, dataclasses.replace(settings, march=march)
+        shortcoming = field.convergence.shortcoming(self.tolerance)
+        return field, dataclasses.replace(settings, march=march, shortcoming=shortcoming)
 
     def start(self, model: Model, *, nonlinear: bool) -> Discretisation:
         """The discretisation with which the choice begins; `nonlinear` is taken where the file does not say."""

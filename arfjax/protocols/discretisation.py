@@ -50,6 +50,7 @@ class Discretisation(eqx.Module):
         diffraction: The sound field's one-way operator.
         source_plane: Where the bowl's converging wave is given, as other codes have it [m]; None for its true
             radiation.
+        shortcoming: What keeps the sound field from its tolerance, in words; empty if nothing does.
     """
 
     focus: float = eqx.field(static=True)
@@ -61,6 +62,7 @@ class Discretisation(eqx.Module):
     n_push_steps: int = eqx.field(static=True)
     diffraction: Diffraction = ExactOneWay()
     source_plane: float | None = eqx.field(static=True, default=None)
+    shortcoming: str = eqx.field(static=True, default="")
 
     def sound_field(
         self,

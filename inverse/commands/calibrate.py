@@ -25,6 +25,7 @@ from arfjax import (
 )
 from arfjax.io import stepwise_dataset, write_netcdf
 from inverse.commands.console import show_lines, show_table, working
+from inverse.commands.notes import sound_notes
 from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.figures import draw_calibration
@@ -180,6 +181,7 @@ def _notes(fit: HmiFit, measured: HmiData, curves: xr.Dataset, settings: Discret
         )
     notes += fit.not_identified.values()
     after = curves.sel(stage="after")
+    notes += sound_notes(settings)
     notes += range_notes(fit.model, after["step_temperature"].to_numpy(), after["lesion_length"].to_numpy())
     if not fit.noise_settled:
         notes.append("THE ESTIMATE OF THE SCATTER DID NOT SETTLE; give standard deviations in the file.")

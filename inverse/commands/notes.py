@@ -14,8 +14,16 @@ def boiling_notes(boiling_time: SupportsFloat) -> list[str]:
     return [f"tissue reaches 100 degC at {time:g} s: it would boil, which is not simulated; do not trust what follows."]
 
 
-def scaling_notes(settings: Discretisation, *factors: float) -> list[str]:
-    """A warning where heat of nonlinear sound is scaled to another power by a factor other than 0 and 1."""
+def sound_notes(settings: Discretisation, *factors: float) -> list[str]:
+    """Warnings where the sound field falls short of its tolerance, or where its heat is scaled by a power's factor.
+
+    Heat of nonlinear sound may not be scaled by any other factor than 0 and 1.
+    """
+    short = [f"the sound field is not within its tolerance: {settings.shortcoming}."] if settings.shortcoming else []
+    return short + _scaling_notes(settings, *factors)
+
+
+def _scaling_notes(settings: Discretisation, *factors: float) -> list[str]:
     scaled = [factor for factor in factors if factor > 0.0 and abs(factor - 1.0) > 0.01]
     if settings.march.n_harmonics == 1 or not scaled:
         return []

@@ -26,7 +26,7 @@ from arfjax import (
 )
 from arfjax.io import field_dataset, heating_dataset, stepwise_dataset, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
-from inverse.commands.notes import boiling_notes, scaling_notes
+from inverse.commands.notes import boiling_notes, sound_notes
 from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 
 _FIELD_RADIUS = 20e-3  # m
@@ -75,7 +75,7 @@ def simulate(
         notes = range_notes(model, np.asarray(result.temperature), np.asarray(result.lesion_length))
         course = TemperatureHistory(heating.time, heating.temperature)
         notes += boiling_notes(boiling_time(course, settings.heat_grid))
-        notes += scaling_notes(settings, float(heating.acoustic_power / model.drive.acoustic_power))
+        notes += sound_notes(settings, float(heating.acoustic_power / model.drive.acoustic_power))
         (folder / "report.md").write_text(_report(described, data, heating, figures, notes), encoding="utf-8")
         write_summary(
             folder,

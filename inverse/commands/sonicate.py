@@ -30,7 +30,7 @@ from arfjax import (
 )
 from arfjax.io import field_dataset, sonication_dataset, write_netcdf
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.notes import boiling_notes, scaling_notes
+from inverse.commands.notes import boiling_notes, sound_notes
 from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 
 _SHOWN_RADIUS = 8e-3  # m
@@ -78,7 +78,7 @@ def sonicate_command(
             },
         )
         notes = notes_on(model, described, settings, result)
-        notes += scaling_notes(settings, *(phase.relative_power for phase in described.sonication.phases))
+        notes += sound_notes(settings, *(phase.relative_power for phase in described.sonication.phases))
         rows = _rows(data, result, settings)
         (folder / "report.md").write_text(_report(described, settings, rows, figures, notes), encoding="utf-8")
         write_summary(

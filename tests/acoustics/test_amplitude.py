@@ -5,11 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax.acoustics.amplitude import drive_for_peak_pressure
+from arfjax.acoustics.amplitude import _top, drive_for_peak_pressure
 from arfjax.acoustics.layers import AcousticLayer
 from arfjax.acoustics.one_way import solve_field
 from arfjax.acoustics.settings import MarchSettings
 from arfjax.acoustics.waveform import peak_pressures
+from arfjax.errors import InputError
 from arfjax.exact.oneil import axial_pressure
 from arfjax.media import AcousticMedium
 from arfjax.transducer import FocusedBowl, PressureDrive
@@ -58,3 +59,14 @@ def test_gradient_of_the_drive():
 
 def test_a_peak_that_cannot_be_found_is_not_a_number():
     assert jnp.isnan(driven(jnp.nan, 1482.0))
+
+
+@pytest.mark.parametrize("z", [np.array([60e-3, 62e-3]), np.array([60e-3, 61e-3, 63e-3])])
+def test_positions_that_make_no_parabola_are_refused(z):
+    with pytest.raises(InputError, match="three or more evenly spaced"):
+        drive_for_peak_pressure(BOWL, frequency=1.1e6, peak_pressure=5e6, medium=WATER, z=z)
+
+
+def test_a_peak_at_the_end_of_the_positions_is_no_peak():
+    np.testing.assert_allclose(_top(jnp.asarray([1.0, 3.0, 3.5, 3.0])), 3.5)
+    assert jnp.isnan(_top(jnp.asarray([1.0, 2.0, 4.0, 9.0]))) and jnp.isnan(_top(jnp.asarray([9.0, 4.0, 1.0])))

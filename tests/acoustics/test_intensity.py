@@ -6,7 +6,7 @@ import numpy as np
 
 from arfjax.acoustics.field import Convergence, HarmonicField
 from arfjax.acoustics.intensity import (
-    fundamental_force_density,
+    force_density_of_intensity,
     heat_deposition,
     intensity,
     radiation_force_density,
@@ -58,7 +58,7 @@ def test_scattering_heats_not_but_pushes():
 def test_force_by_the_fundamentals_attenuation_misses_what_the_harmonics_lose():
     # I_2 = I_1 / 4 at z = 0: (4 + 9 / 4) against 4 (1 + 1 / 4).
     field = plane_wave()
-    ratio = fundamental_force_density(field)[0, 0] / radiation_force_density(field)[0, 0]
+    ratio = force_density_of_intensity(field)[0, 0] / radiation_force_density(field)[0, 0]
     np.testing.assert_allclose(ratio, 5.0 / 6.25, rtol=1e-14)
 
 

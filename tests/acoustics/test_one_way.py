@@ -253,6 +253,11 @@ def test_single_precision_agrees():
         ({"settings": MarchSettings(n_radial=80)}, "n_radial"),
         ({"settings": MarchSettings(n_quadrature=100)}, "n_quadrature"),
         ({"drive": Drive(5e6, 50.0)}, "does not resolve"),
+        ({"drive": Drive(1.1e6, np.nan)}, "not finite"),
+        ({"bowl": FocusedBowl(32e-3, np.nan, 62.6e-3)}, "not finite"),
+        ({"layers": [AcousticLayer(WATER, 0.1), AcousticLayer(WATER, np.nan)]}, "positive thicknesses"),
+        ({"z": np.array([12e-3])}, "beyond the start plane"),
+        ({"z": np.array([40e-3, np.nan])}, "ascending"),
     ],
 )
 def test_impossible_input_is_refused(changes, message):
@@ -260,3 +265,13 @@ def test_impossible_input_is_refused(changes, message):
     arguments |= changes
     with pytest.raises(InputError, match=message):
         solve_field(arguments.pop("bowl"), arguments.pop("drive"), arguments.pop("layers"), **arguments)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"axial_step": 0.0}, {"axial_step": -1e-3}, {"axial_step": 0.34}, {"n_radial": 0}, {"n_harmonics": 2}]
+    + [{"sponge_start": 0.98}, {"sponge_strength": np.nan}, {"domain_radius": 62.0}],
+)
+def test_settings_that_cannot_be_meant_are_refused(changes):
+    with pytest.raises(InputError):
+        MarchSettings(**changes)

@@ -336,3 +336,24 @@ def test_impossible_variations_are_refused(arguments, message):
 def test_traced_positions_are_refused():
     with pytest.raises(InputError, match="make it inside"):
         eqx.filter_jit(lambda v: solve_field(BOWL, DRIVE, LAYERS, r=R, z=Z, settings=COARSE, variation=v))(heated())
+
+
+def test_second_order_where_sound_steepens_too():
+    """Attenuation that changes does not commute with steepening: half of it acts before and half after."""
+    steps = [4e-3 / count for count in (4, 8, 16, 64)]
+    z = np.array([58e-3, 66e-3])
+
+    def harmonics(step):
+        settings = MarchSettings(n_harmonics=4, n_radial=144, axial_step=step)
+        change = heated(attenuation=60.0, sound_speed=0.0)
+        solve = eqx.filter_jit(
+            lambda drive: (
+                solve_field(
+                    BOWL, drive, LAYERS, r=np.zeros(1), z=z, settings=settings, diffraction=ALONG_AXIS, variation=change
+                ).pressure
+            )
+        )
+        return solve(DRIVE)[:3, 0, 1]
+
+    *found, exact = [harmonics(step) for step in steps]
+    assert_order(steps[:-1], [relative(each, exact) for each in found], order=2)

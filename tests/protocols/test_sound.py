@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from arfjax.acoustics import converge
 from arfjax.acoustics.diffraction import Pade11, Parabolic
 from arfjax.acoustics.intensity import heat_deposition, radiation_force_density
 from arfjax.acoustics.one_way import solve_field
@@ -77,13 +78,13 @@ def test_steps_are_chosen_for_harmonics_that_are_asked_for(monkeypatch):
     """With a march that makes errors as one of second order does, and never has enough harmonics."""
     template, said = field_of(np.ones((8, 1, 1))), []
 
-    def marched(model, settings, layers, r, z):
-        step = settings.march.axial_step
+    def marched(source, drive, layers, *, settings, **others):
+        step = settings.axial_step
         made = dict(harmonics=jnp.asarray(0.5), axial=jnp.asarray(0.01 * (step / 2e-3) ** 2))
-        made["courant_number"] = jnp.asarray(3.0 * step / 2e-3 / settings.march.n_substeps)
+        made["courant_number"] = jnp.asarray(3.0 * step / 2e-3 / settings.n_substeps)
         return dataclasses.replace(template, convergence=dataclasses.replace(template.convergence, **made))
 
-    monkeypatch.setattr(module, "_solved", marched)
+    monkeypatch.setattr(converge, "solve_field", marched)
     monkeypatch.setattr(module, "discretise", lambda model: dataclasses.replace(SETTINGS, march=COARSE))
     field, settings = AcousticsSection(tolerance=1e-3, harmonics=8).solve(
         MODEL, 37.0, r=np.zeros(1), z=np.array([60e-3, 62.6e-3]), say=said.append
@@ -91,6 +92,7 @@ def test_steps_are_chosen_for_harmonics_that_are_asked_for(monkeypatch):
     assert settings.march.n_harmonics == 8 and settings.march.n_radial == COARSE.n_radial
     assert 0.4e-3 < settings.march.axial_step < 0.64e-3
     assert "harmonics end too early" in field.convergence.shortcoming(1e-3)
+    assert settings.shortcoming == field.convergence.shortcoming(1e-3)
     assert said[-1] == "the field at 1 x 2 positions with 8 harmonics"
 
 

@@ -19,6 +19,7 @@ Source: J. E. Soneson, github.com/jsoneson/HITU_Simulator, WAKZK.m and SourceFil
 import math
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, Complex, Float
@@ -54,9 +55,11 @@ class ProjectedBowl(PlaneSource):
         """Take the bowl and the plane."""
         self.fade_grazing = fade_grazing
         if plane is None:
-            if isinstance(bowl.rim_depth, Tracer):
+            with jax.ensure_compile_time_eval():  # so that plain numbers stay numbers within `jit`
+                depth = bowl.rim_depth
+            if isinstance(depth, Tracer):
                 raise InputError("`plane` of a projected bowl must be given where the bowl's dimensions are traced.")
-            plane = float(bowl.rim_depth)
+            plane = float(depth)
         self.bowl = bowl
         self.plane = plane
 
