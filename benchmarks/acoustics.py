@@ -212,7 +212,7 @@ def _as_stored(name: str, power: float, settings: MarchSettings, z: np.ndarray) 
 
 
 def forward_and_gradient(power: float, settings: MarchSettings, z: np.ndarray, plan: Plan) -> dict:
-    """Times of both, their ratio (of the medians), and the memory that XLA sets aside, for each way of checkpointing."""
+    """Times of both, the ratio of their medians, and the memory that XLA sets aside, for each way of checkpointing."""
     arguments = numbers(power, plan.case)
     result, forward = {}, Compiled(on_axis(settings, z), *arguments)
     for every in plan.checkpoints:

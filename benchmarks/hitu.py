@@ -186,6 +186,13 @@ def errors(found: dict[str, float], name: str, power: float) -> dict[str, float]
     return {"against": path.name, **{key: round(found[key] / exact[key] - 1.0, 6) for key in exact}}
 
 
+def as_good(ours: dict[str, float] | str, theirs: dict[str, float] | str) -> bool | str:
+    """Whether none of our errors is larger; where there is nothing to compare with, that."""
+    if isinstance(ours, str) or isinstance(theirs, str):
+        return str(ours)
+    return all(abs(ours[key]) <= abs(theirs[key]) for key in ours if key != "against")
+
+
 def run_theirs(simulator: Simulator, asked: dict, n_published: int) -> dict:
     """The whole march, vectorised; some steps as published, and whether both do the same."""
     difference = compared(simulator, asked)
@@ -344,9 +351,7 @@ def main() -> None:
             for kind in ("vectorised", "as published")
         },
         "asked": "150 times faster at equal or better accuracy, against T1, the converged solution of the same physics",
-        "equal_or_better": all(abs(ours["T1"]["error"][key]) <= abs(value) for key, value in theirs["error"].items())
-        if isinstance(theirs["error"], dict)
-        else "there is no stored solution of this power",
+        "equal_or_better": as_good(ours["T1"]["error"], theirs["error"]),
         "times_less_processor": {
             case: round(theirs["vectorised"]["cpu_s"] / ours[case]["mean_cpu_s"], 1) for case in CASES
         },
