@@ -10,6 +10,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Complex, Float
 
+from arfjax.acoustics.layers import SAME_POSITION
 from arfjax.errors import InputError
 from arfjax.media import Scalar
 from arfjax.numerics.bessel import bessel_j0
@@ -18,9 +19,6 @@ from arfjax.numerics.quadrature import gauss_legendre
 from arfjax.transducer import Radiator
 
 Radii = Float[np.ndarray, " r"] | Float[Array, " r"]
-
-_SAME_POSITION = 1e-9
-"""Positions closer than this are one position [m]."""
 
 
 class Source(Radiator):
@@ -121,7 +119,7 @@ class PlaneSource(Source):
             InputError: for another plane.
         """
         del n_quadrature
-        if abs(plane - self.plane) > _SAME_POSITION:
+        if abs(plane - self.plane) > SAME_POSITION:
             raise InputError(f"the source is given on the plane {self.plane} m, not on {plane} m. March from there.")
         radii = jnp.asarray(r, dtype=float)
         inner, outer = self.extent(math.inf)
