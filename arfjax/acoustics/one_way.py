@@ -28,6 +28,7 @@ from arfjax.acoustics.power import power_through_plane
 from arfjax.acoustics.settings import MarchSettings
 from arfjax.acoustics.sources.base import PlaneSource, Source
 from arfjax.acoustics.sources.radiating_bowl import as_source
+from arfjax.acoustics.sponge import absorbing_ring, sponge_depth
 from arfjax.acoustics.variation import MediumVariation, local_constants, step_factors
 from arfjax.media import Scalar
 from arfjax.numerics.hankel import HankelBasis, hankel_basis
@@ -130,6 +131,7 @@ def _solve(
 ) -> _Whole:
     """March to the last of the positions `z`, and read at all of them."""
     basis = hankel_basis(settings.n_radial, settings.domain_radius)
+    sponge = absorbing_ring(basis, settings)
     fundamental = jnp.asarray(problem.drive.frequency, dtype=float)
     frequency = fundamental * jnp.arange(1, settings.n_harmonics + 1, dtype=float)
     amplitude = _start(problem, frequency[0], start, basis, settings)
@@ -156,9 +158,9 @@ def _solve(
             path=path,
             basis=basis,
             evaluation=constant(basis.evaluation_matrix(r)),
-            physical=_at_nodes(rate, basis, settings),
-            n_clean=_clean_nodes(basis, settings),
+            physical=_steepening(rate, settings),
             factors=step_factors(problem.variation, medium, bounds, frequency, basis.nodes, positions),
+            sponge=sponge,
             observe=_observer(rate, settings),
             steps_per_checkpoint=settings.steps_per_checkpoint,
         )
@@ -191,7 +193,7 @@ def _start(
     radii = basis.nodes[inside]
     fundamental = source.pressure_on_plane(pressure, wavenumber, radii, start, n_quadrature=settings.n_quadrature)
     # What lies in the ring of the sponge at the start is faded out, so that the series has no jump at its end.
-    fade = constant(np.cos(0.5 * np.pi * _sponge_depth(basis, settings)[inside]) ** 2)
+    fade = constant(np.cos(0.5 * np.pi * sponge_depth(basis, settings)[inside]) ** 2)
     harmonics = jnp.pad((fade * fundamental)[:, None], ((0, 0), (0, settings.n_harmonics - 1)))
     if settings.n_harmonics > 1 and settings.steepens_from_source:
         rate = jnp.asarray(steepening_rate(medium, frequency), dtype=float)
@@ -199,29 +201,11 @@ def _start(
     return transform(constant(basis.to_series[:, inside]), harmonics)
 
 
-def _at_nodes(rate: Float[Array, ""], basis: HankelBasis, settings: MarchSettings) -> PhysicalOperator:
-    """Steepening where the field is clean, and the absorbing ring outside: the faster the farther out."""
-    loss = constant(settings.sponge_strength / settings.domain_radius * _sponge_depth(basis, settings) ** 2)
-    clean = _clean_nodes(basis, settings)
-
-    def act(pressure: AtNodes, length: Array) -> AtNodes:
-        if settings.n_harmonics > 1:
-            steepened = steepen(pressure[:clean], length, rate, settings.n_substeps)
-            pressure = jnp.concatenate([steepened, pressure[clean:]])
-        return jnp.exp(-length * loss)[:, None] * pressure
-
-    return act
-
-
-def _sponge_depth(basis: HankelBasis, settings: MarchSettings) -> Float[np.ndarray, " node"]:
-    """How far into the absorbing ring each node is, from 0 to 1."""
-    fraction = basis.nodes / settings.domain_radius
-    return np.clip((fraction - settings.sponge_start) / (settings.sponge_end - settings.sponge_start), 0.0, 1.0)
-
-
-def _clean_nodes(basis: HankelBasis, settings: MarchSettings) -> int:
-    """How many nodes lie inside the absorbing ring."""
-    return int(np.count_nonzero(_sponge_depth(basis, settings) == 0.0))
+def _steepening(rate: Float[Array, ""], settings: MarchSettings) -> PhysicalOperator | None:
+    """What steepens the sound in each step; None where it is linear."""
+    if settings.n_harmonics == 1:
+        return None
+    return lambda pressure, length: steepen(pressure, length, rate, settings.n_substeps)
 
 
 def _observer(rate: Float[Array, ""], settings: MarchSettings) -> Callable[[Series, AtNodes, Array], Array]:

@@ -10,16 +10,14 @@ import numpy as np
 import pytest
 
 from arfjax.acoustics.absorption import complex_wavenumber
-from arfjax.acoustics.diffraction import ExactOneWay, Pade11, Pade12, Parabolic
+from arfjax.acoustics.diffraction import Pade11, Pade12, Parabolic
 from arfjax.acoustics.intensity import intensity
 from arfjax.acoustics.layers import AcousticLayer, transmission
-from arfjax.acoustics.march import Beam, march
 from arfjax.acoustics.one_way import solve_field
 from arfjax.acoustics.settings import MarchSettings
 from arfjax.errors import InputError
 from arfjax.exact.oneil import axial_pressure
 from arfjax.media import AcousticMedium
-from arfjax.numerics.hankel import hankel_basis
 from arfjax.transducer import Drive, FocusedBowl
 from tests.checks import assert_gradient
 
@@ -111,33 +109,6 @@ def test_result_does_not_depend_on_the_positions_asked_for():
     few, many = np.array([40e-3, 62e-3]), np.array([12e-3, 13.37e-3, 40e-3, 51.23e-3, 51.24e-3, 62e-3])
     pressure = axis_in_water(many, settings=COARSE)
     np.testing.assert_allclose(pressure[[2, 5]], axis_in_water(few, settings=COARSE), rtol=1e-4)
-
-
-def test_power_is_kept_without_sponge_and_falls_with_it():
-    basis = hankel_basis(144, 62e-3)
-    kz = ExactOneWay().axial_wavenumber(jnp.asarray([WAVENUMBER + 0j]), jnp.asarray(basis.wavenumbers))
-    start = jnp.asarray(basis.to_series @ np.exp(-((basis.nodes / 4e-3) ** 2)) + 0j)[:, None]
-
-    def power(physical):
-        positions = np.linspace(0.0, 100e-3, 300)
-        marched = march(
-            Beam(start, None),
-            positions,
-            np.ones(300, dtype=bool),
-            axial_wavenumber=kz,
-            path=None,
-            basis=basis,
-            evaluation=jnp.eye(144),  # the coefficients themselves
-            physical=physical,
-        )
-        return np.sum(basis.norms * np.asarray(kz.real[0]) * np.abs(np.asarray(marched.pressure[..., 0])) ** 2, axis=1)
-
-    kept = power(lambda pressure, _: pressure)
-    np.testing.assert_allclose(kept, kept[0], rtol=1e-8)
-    rate = jnp.asarray(np.where(basis.nodes > 40e-3, 100.0, 0.0))
-    lost = power(lambda pressure, step: pressure * jnp.exp(-rate * step)[:, None])
-    np.testing.assert_allclose(lost[:3], lost[0], rtol=1e-4)
-    assert np.all(np.diff(lost) <= 1e-9 * lost[0])
 
 
 def test_an_interface_multiplies_by_the_transmission_coefficient():
