@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-fast lint types format lock benchmark clean
+.PHONY: demo test test-all lint types format lock benchmark clean
 
 demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measurements
 	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data pyvisco_polymer) --out results/demo/dma
@@ -21,11 +21,11 @@ demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measure
 	@echo "Reports and figures:"
 	@ls -d results/demo/*/report.md results/demo/*/*.png
 
-test: lint types  ## everything that must be true before a change lands
-	$(BIN)/python -m pytest -n 2 --dist loadscope
-
-test-fast: $(VENV)/.dev  ## without the tests marked slow
+test: lint types  ## what must be true before a change lands
 	$(BIN)/python -m pytest -n 2 --dist loadscope -m "not slow"
+
+test-all: lint types  ## the slow tests, too: before an issue is closed or a version released
+	$(BIN)/python -m pytest -n 2 --dist loadscope
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -38,18 +38,20 @@ def check_source(
     if aperture > room:
         what = "the domain ends" if is_given else "the sponge begins"
         raise InputError(
-            f"`aperture_radius` {aperture} m must be at most {room} m, where {what}. Enlarge `domain_radius`."
+            f"the source reaches {aperture} m from the axis and must stay within {room} m, where {what}. Enlarge "
+            "`domain_radius`. Millimetres? Pass metres."
         )
     start = source.plane if is_given else settings.start_plane
     if start >= thicknesses[0]:
         raise InputError(
-            f"`start_plane` {start} m must lie inside the first layer, which ends at {thicknesses[0]} m. Thicken the "
-            "layer that holds the source: it is counted from the bowl's apex."
+            f"the start plane ({'the plane of the source' if is_given else '`start_plane`'}) at {start} m must lie inside "
+            f"the first layer, which ends at {thicknesses[0]} m. Thicken the layer that holds the source: it is counted "
+            "from z = 0, of a bowl the apex."
         )
     if not is_given and depth >= start:
         raise InputError(
-            f"`start_plane` {start} m must lie beyond the bowl's rim at {depth} m; two wavelengths beyond is a good "
-            "choice."
+            f"`start_plane` {start} m must lie beyond the source's foremost point, a bowl's rim, at {depth} m; two "
+            "wavelengths beyond is a good choice."
         )
     wavenumber = 2.0 * math.pi * concrete(drive.frequency) / concrete(layers[0].medium.sound_speed)
     if math.pi * settings.n_radial / settings.domain_radius < wavenumber:
@@ -61,7 +63,7 @@ def check_source(
     needed = 0.5 * wavenumber * (settings.domain_radius + aperture) + 30.0
     if not is_given and settings.n_quadrature < needed:
         raise InputError(
-            f"`n_quadrature` {settings.n_quadrature} does not resolve the bowl's field: {needed:.0f} are needed."
+            f"`n_quadrature` {settings.n_quadrature} does not resolve the source's field: {needed:.0f} are needed."
         )
     return start
 

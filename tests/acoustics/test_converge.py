@@ -1,7 +1,9 @@
 """Settings refined by what a solution says of itself, and whether it is true."""
 
 import dataclasses
+import functools
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -10,8 +12,10 @@ from arfjax.acoustics import converge
 from arfjax.acoustics.converge import refined, solve_to_tolerance
 from arfjax.acoustics.field import Convergence
 from arfjax.acoustics.layers import AcousticLayer
+from arfjax.acoustics.one_way import solve_field
 from arfjax.acoustics.settings import MarchSettings
 from arfjax.acoustics.sources.gaussian import GaussianSource
+from arfjax.acoustics.variation import MediumVariation
 from arfjax.errors import InputError
 from arfjax.media import AcousticMedium
 from arfjax.transducer import PressureDrive
@@ -99,7 +103,7 @@ def test_a_tolerance_that_cannot_be_meant_is_refused(tolerance):
         )
 
 
-def solved(tolerance, pressure=2e6, settings=START):
+def solved(tolerance, pressure=2e6, settings=START, variation=None):
     said = []
     z = np.array([15e-3, 30e-3])
     field, settings = solve_to_tolerance(
@@ -110,6 +114,7 @@ def solved(tolerance, pressure=2e6, settings=START):
         z=z,
         tolerance=tolerance,
         settings=settings,
+        variation=variation,
         say=said.append,
     )
     return field, settings, said
@@ -133,6 +138,22 @@ def test_the_tolerance_is_reached_in_truth():
     assert np.all(sizes < 3.0 * tolerance)  # each of three estimates is held below it
     # The estimate of the axial error is that error, within a factor of four.
     assert 0.25 < np.max(sizes) / float(field.convergence.axial) < 4.0
+
+
+@pytest.mark.slow
+def test_a_layer_that_varies_is_solved_as_it_is():
+    r, z = np.array([1e-3, 5e-3, 30e-3]), np.array([5e-3, 25e-3, 45e-3])
+    changes = MediumVariation(r, z, jnp.full((3, 3), 2.0), jnp.full((3, 3), 15.0))
+    field, settings, _ = solved(1e-1, pressure=1e5, variation=changes)
+
+    @functools.partial(jax.jit, static_argnums=1)
+    def pressure(amplitude, varies):
+        options = {"r": np.zeros(1), "z": np.array([15e-3, 30e-3]), "settings": settings}
+        layers, varied = [AcousticLayer(LIVER, 0.05)], changes if varies else None
+        return solve_field(BEAM, PressureDrive(1.1e6, amplitude), layers, variation=varied, **options).pressure
+
+    np.testing.assert_allclose(field.pressure, pressure(1e5, True), rtol=1e-9, atol=1e-5)
+    assert np.abs(field.pressure - pressure(1e5, False)).max() > 0.05 * np.abs(field.pressure).max()
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ from arfjax.errors import InputError
 from arfjax.exact.oneil import axial_pressure
 from arfjax.media import AcousticMedium
 from arfjax.transducer import Drive, FocusedBowl
-from tests.checks import assert_gradient
+from tests.checks import assert_gradient_of_each_leaf
 
 BOWL = FocusedBowl(aperture_radius=32e-3, hole_radius=10e-3, focal_length=62.6e-3)
 DRIVE = Drive(frequency=1.1e6, acoustic_power=50.0)
@@ -168,14 +168,8 @@ PARAMETERS = {
 }
 
 
-def test_gradient_of_focal_intensity():
-    assert_gradient(focal_intensity, PARAMETERS, step=3e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", PARAMETERS)
-def test_gradient_of_focal_intensity_in_each_parameter(name):
-    assert_gradient(lambda value: focal_intensity(PARAMETERS | {name: value}), PARAMETERS[name], step=1e-5)
+def test_gradient_of_focal_intensity_in_each_parameter():
+    assert_gradient_of_each_leaf(focal_intensity, PARAMETERS, step=1e-5)
 
 
 def test_gradient_is_finite_in_a_lossless_medium():
@@ -211,7 +205,7 @@ def test_single_precision_agrees():
         ({"bowl": FocusedBowl(32e-3, -1e-3, 62.6e-3)}, "0 <= hole_radius"),
         ({"bowl": FocusedBowl(32e-3, 10e-3, 30e-3)}, "<= focal_length"),
         ({"bowl": FocusedBowl(40e-3, 10e-3, 62.6e-3)}, "where the sponge begins"),
-        ({"bowl": FocusedBowl(32e-3, 10e-3, 40e-3)}, "beyond the bowl's rim"),
+        ({"bowl": FocusedBowl(32e-3, 10e-3, 40e-3)}, "foremost point"),
         ({"z": np.array([10e-3, 60e-3])}, "start plane"),
         ({"z": np.array([60e-3, 101e-3])}, "end of the last layer"),
         ({"z": np.array([60e-3, 50e-3])}, "ascending"),

@@ -1,3 +1,6 @@
+% SPDX-License-Identifier: GPL-3.0-or-later
+% Written anew, but after the function of a GPL-3 program and of use inside that program alone; not distributed with arfjax.
+%
 % Nonlinear step of all radial rows at once, for the simulator's function of this name and with its interface.
 %
 % spectrum (row, harmonic) [Pa] becomes waveforms, these take upwind steps of the inviscid Burgers equation, each row as
