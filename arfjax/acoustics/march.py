@@ -24,6 +24,7 @@ from jaxtyping import Array, Complex, Float, Shaped
 
 from arfjax.acoustics.sponge import Sponge
 from arfjax.numerics.hankel import HankelBasis
+from arfjax.numerics.precision import constant
 
 Series = Complex[Array, "mode harmonic"]
 AtNodes = Complex[Array, "node harmonic"]
@@ -172,8 +173,3 @@ def transform(matrix: Float[Array, "out in"], values: Complex[Array, "in harmoni
     n = values.shape[1]
     both = matrix @ jnp.concatenate([values.real, values.imag], axis=1)
     return jax.lax.complex(both[:, :n], both[:, n:])
-
-
-def constant(values: Float[np.ndarray, "..."]) -> Float[Array, "..."]:
-    """Static numbers in the precision in force: `dtype=float` is float32 where x64 is off."""
-    return jnp.asarray(values, dtype=float)

@@ -22,7 +22,7 @@ from arfjax.acoustics.checks import check_positions, check_source
 from arfjax.acoustics.diffraction import Diffraction, ExactOneWay
 from arfjax.acoustics.field import Convergence, HarmonicField
 from arfjax.acoustics.layers import SAME_POSITION, AcousticLayer, transmission
-from arfjax.acoustics.march import AtNodes, Beam, PhysicalOperator, Series, constant, march, transform
+from arfjax.acoustics.march import AtNodes, Beam, PhysicalOperator, Series, march, transform
 from arfjax.acoustics.nonlinearity import courant_number, shock_fraction, steepen, steepening_rate
 from arfjax.acoustics.power import power_through_plane
 from arfjax.acoustics.settings import MarchSettings
@@ -32,6 +32,7 @@ from arfjax.acoustics.sponge import absorbing_ring, sponge_depth
 from arfjax.acoustics.variation import MediumVariation, local_constants, step_factors
 from arfjax.media import Scalar
 from arfjax.numerics.hankel import HankelBasis, hankel_basis
+from arfjax.numerics.precision import constant
 from arfjax.transducer import Drive, FocusedBowl, PressureDrive
 
 _START_SUBSTEPS = 4

@@ -15,6 +15,7 @@ from arfjax.errors import InputError
 from arfjax.media import Scalar
 from arfjax.numerics.bessel import bessel_j0
 from arfjax.numerics.hankel import HankelBasis
+from arfjax.numerics.precision import constant
 from arfjax.numerics.quadrature import gauss_legendre
 from arfjax.transducer import Radiator
 
@@ -142,22 +143,18 @@ class PlaneSource(Source):
         Accuracy: rounding, where the points resolve the field's own phase: half of it in radians, and 30 more.
         Differentiability: in whatever the field depends on, its rims included.
         """
-        nodes, weights = map(_constant, gauss_legendre(n_quadrature + len(basis.norms)))
+        nodes, weights = map(constant, gauss_legendre(n_quadrature + len(basis.norms)))
         inner, outer = self.extent(basis.radius)
         half_width = 0.5 * (outer - inner)
         radii = inner + half_width * (nodes + 1.0)
         pressure = self.pressure_at(source_pressure, wavenumber, radii)
-        bessel = bessel_j0(_constant(basis.wavenumbers)[:, None] * radii[None, :])
+        bessel = bessel_j0(constant(basis.wavenumbers)[:, None] * radii[None, :])
         weighted = half_width * weights * radii * pressure
         # Real and imaginary part apart: half the work of a complex table.
         integrals = jnp.stack([weighted.real, weighted.imag]) @ bessel.T
-        return (integrals[0] + 1j * integrals[1]) / _constant(basis.norms)
+        return (integrals[0] + 1j * integrals[1]) / constant(basis.norms)
 
 
 def concrete(value: Scalar) -> float:
     """The value as a number, NaN (for which every comparison fails) where it is traced."""
     return math.nan if isinstance(value, Tracer) else float(value)
-
-
-def _constant(values: Float[np.ndarray, "..."]) -> Float[Array, "..."]:
-    return jnp.asarray(values, dtype=float)
