@@ -54,8 +54,8 @@ T1_PRESSURE = 209135.8
 SETTINGS = MarchSettings(
     n_harmonics=20, axial_step=0.505e-3, start_plane=9.297e-3, n_quadrature=400, steepens_from_source=False
 )
-"""What `benchmarks/acoustics.py` takes at 50 W, within 0.1 % of the references; as in those, sound steepens from the start
-plane on."""
+"""What `benchmarks/acoustics.py` takes at 50 W, within 0.1 % of the references; as in those, sound steepens from the
+start plane on."""
 OURS = Path(__file__).parent / "hitu"
 PUBLISHED_AT = "8f9a7f9"
 """Commit for which the changes below were written."""

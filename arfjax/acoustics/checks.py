@@ -44,9 +44,9 @@ def check_source(
     start = source.plane if is_given else settings.start_plane
     if start >= thicknesses[0]:
         raise InputError(
-            f"the {'plane of the source' if is_given else '`start_plane`'} at {start} m must lie inside the first layer, "
-            f"which ends at {thicknesses[0]} m. Thicken the layer that holds the source: it is counted from z = 0, of a "
-            "bowl the apex."
+            f"the {'plane of the source' if is_given else '`start_plane`'} at {start} m must lie inside the first "
+            f"layer, which ends at {thicknesses[0]} m. Thicken the layer that holds the source: it is counted from "
+            "z = 0, of a bowl the apex."
         )
     if not is_given and depth >= start:
         raise InputError(
