@@ -52,6 +52,8 @@ class FocusedBowl(Radiator):
 class Drive(eqx.Module):
     """A source driven to a given acoustic power.
 
+    Differentiable for powers above 0: pressure goes as the square root, whose slope at 0 is infinite.
+
     Attributes:
         frequency: [Hz].
         acoustic_power: Power that leaves the source [W].
