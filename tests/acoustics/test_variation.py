@@ -338,6 +338,7 @@ def test_traced_positions_are_refused():
         eqx.filter_jit(lambda v: solve_field(BOWL, DRIVE, LAYERS, r=R, z=Z, settings=COARSE, variation=v))(heated())
 
 
+@pytest.mark.slow
 def test_second_order_where_sound_steepens_too():
     """Attenuation that changes does not commute with steepening: half of it acts before and half after."""
     steps = [4e-3 / count for count in (4, 8, 16, 64)]

@@ -42,6 +42,7 @@ def exact_rise(heating, times, *, region=0.0):
     return heating.amplitude * np.asarray([middle(t - heating.start) for t in times]) / top
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "heating",
     [

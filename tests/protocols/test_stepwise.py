@@ -105,6 +105,7 @@ def focal(model, protocol, coarse):
     return jax.jit(displacement), jax.jit(jax.grad(displacement))
 
 
+@pytest.mark.slow
 def test_gradient_to_every_coefficient_and_every_zener_constant(model, focal):
     """jax.grad against fourth-order central differences, constant by constant, to 1e-6.
 

@@ -70,6 +70,7 @@ def fine():
     return run(CONSTANTS, solver=solve_with_feedback, steps=(480, 320))
 
 
+@pytest.mark.slow
 def test_error_is_a_small_part_of_what_a_step_may_make(fine):
     """At every output time, the switch among them, and in proportion: 16 times less allowed, 16 times less made."""
     allowed, errors, steps = [0.4, 0.1, 0.025], [], []
@@ -126,6 +127,7 @@ def test_steady_heat_is_exact_at_every_output_time_whatever_the_steps():
     np.testing.assert_allclose(got.heat[:, 0, 0], 8e6 * shares, rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_not_reaching_the_end_is_reported():
     """Heat that is not a number at any temperature above 40 degC: there is no way on."""
     broken = lambda temperature, _: jnp.where(temperature > 40.0, jnp.nan, 8e6)  # noqa: E731

@@ -98,6 +98,7 @@ def test_second_order_against_adaptive_quadrature(law):
     assert errors[-1] < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("law", "gain"), [(ThermalDose(), 25.0), (ArrheniusDamage(), 20.0)])
 def test_a_short_sonication_is_far_closer_than_by_trapezia(law, gain):
     """Exact temperatures every 0.1 s; the rate has a sharp peak where the heat is switched off."""

@@ -134,6 +134,7 @@ def test_constant_tissue_and_heat_are_solve_bioheat():
     assert int(got.effort.n_steps) == 6 and int(got.effort.n_rejected) == 0 and bool(got.effort.converged)
 
 
+@pytest.mark.slow
 def test_second_order_in_time_with_every_law_at_work():
     """Temperature and dose, against 16 times finer steps; the source is that of the start."""
     steps = [(12, 6), (24, 12)]
