@@ -68,9 +68,9 @@ class Plan:
     precisions: tuple[str, ...] = ("float32", "float64")
     references: tuple[str, ...] = ("T1", "T2", "T3")
     checkpoints: tuple[int, ...] = (1, 14)
-    harmonics: tuple[int, ...] = (16, 32, 64, 128)
+    harmonics: tuple[int, ...] = (16, 32, 64)
     radial: tuple[int, ...] = (128, 256, 512)
-    layers: tuple[int, ...] = (1, 3, 5, 10)
+    layers: tuple[int, ...] = (1, 5, 10)
     batches: tuple[int, ...] = (1, 8, 64)
     growing: MarchSettings = MarchSettings(n_harmonics=32, axial_step=0.449e-3, **START)
     repeats: int = 9
