@@ -22,12 +22,15 @@ from jaxtyping import Array, Complex, Float, Inexact
 
 from arfjax.errors import InputError
 from arfjax.grid import graded_positions
-from arfjax.mechanics.axisymmetric import STRESS_OVER_STRAIN, deviator, strain_matrices, volume_weights
+from arfjax.mechanics.axisymmetric import STRESS_OVER_STRAIN, strain_matrices, volume_weights
 from arfjax.mechanics.mesh import N_GAUSS, Mesh, Walls
 from arfjax.numerics.elements import linear_pressure, product, quadratic
 from arfjax.numerics.quadrature import gauss_legendre
 
 _POINTS, _ = gauss_legendre(N_GAUSS)
+DEVIATOR = np.eye(4) - np.outer([1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0]) / 3.0
+"""Takes the volumetric part out of a strain rr, zz, tt, rz."""
+
 Field = Inexact[Array, "rq zq"] | Inexact[np.ndarray, "rq zq"]
 
 
@@ -171,7 +174,7 @@ def dynamic_stiffness(
 ) -> Complex[Array, "ez er 18 18"]:
     """Complex symmetric matrix [N/m] of each element: stiffness less inertia, the linear pressure condensed."""
     weights, basis = space.volume_weights(), space.strain_matrices()
-    shape_change = jnp.moveaxis(deviator(jnp.moveaxis(basis, -1, 0)), 0, -1)
+    shape_change = jnp.einsum("cd,zrgdi->zrgci", DEVIATOR, basis)
     stress = (shear_modulus * weights)[..., None] * STRESS_OVER_STRAIN[None, None, None, :]
     deviatoric = jnp.einsum("zrgci,zrgcj->zrij", shape_change * stress[..., None], shape_change)
     pressure = linear_pressure(_POINTS, _POINTS)

@@ -16,8 +16,8 @@ from jax.core import Tracer
 from jaxtyping import Array, Complex, Float, Int
 
 from arfjax.errors import InputError
-from arfjax.mechanics.absorbing import AbsorbingLayer, StretchedMesh, dynamic_stiffness, stretched
-from arfjax.mechanics.axisymmetric import STRESS_OVER_STRAIN, deviator, load, volume_weights
+from arfjax.mechanics.absorbing import DEVIATOR, AbsorbingLayer, StretchedMesh, dynamic_stiffness, stretched
+from arfjax.mechanics.axisymmetric import STRESS_OVER_STRAIN, load, volume_weights
 from arfjax.mechanics.harmonic_material import HarmonicMaterial, harmonic_field
 from arfjax.mechanics.mesh import Mesh, Walls, interpolation_weights
 from arfjax.mechanics.viscoelastic import ViscoelasticField
@@ -148,8 +148,9 @@ def power_balance(
     problem = _pose(mesh, material, axial_force, radial_force, frequency, layer)
     nodal = problem.solve()
     tissue, elements = problem.space.tissue, problem.of_elements(nodal)
-    strain = jnp.einsum("zrgci,zri->zrgc", problem.space.strain_matrices()[tissue], elements[tissue])
-    squared = jnp.sum(jnp.abs(deviator(strain)) ** 2 * STRESS_OVER_STRAIN, axis=-1)
+    strains = problem.space.strain_matrices()[tissue]
+    shape_change = jnp.einsum("cd,zrgdi,zri->zrgc", DEVIATOR, strains, elements[tissue])
+    squared = jnp.einsum("c,zrgc->zrg", STRESS_OVER_STRAIN, jnp.abs(shape_change) ** 2)
     loss = problem.shear_modulus.imag * volume_weights(problem.space.mesh)
     work = jnp.einsum("zri,zrij,zrj->zr", elements.conj(), problem.matrices, elements).imag
     half_omega = jnp.pi * frequency
