@@ -68,9 +68,7 @@ class AbsorbingLayer(eqx.Module):
     def beyond(self, size: float) -> Float[np.ndarray, " n"]:
         """Distances [m] of the element edges from the tissue, whose last element has the given size [m]."""
         first = min(size * self.growth, self.thickness)
-        return graded_positions(
-            0.0, self.thickness, 0.0, finest=first, growth=self.growth, coarsest=self.thickness
-        )[1:]
+        return graded_positions(0.0, self.thickness, 0.0, finest=first, growth=self.growth, coarsest=self.thickness)[1:]
 
 
 class StretchedMesh(eqx.Module):

@@ -153,9 +153,7 @@ def _extreme(
     return jax.lax.fori_loop(0, 6, step, start)
 
 
-def _sum_of(
-    amplitudes: Complex[Array, "harmonic *space"], phase: Float[Array, "*point"]
-) -> Float[Array, "*point"]:
+def _sum_of(amplitudes: Complex[Array, "harmonic *space"], phase: Float[Array, "*point"]) -> Float[Array, "*point"]:
     order = jnp.arange(1.0, len(amplitudes) + 1.0).reshape((-1,) + (1,) * phase.ndim)
     amplitudes = amplitudes.reshape(amplitudes.shape + (1,) * (phase.ndim + 1 - amplitudes.ndim))
     return jnp.sum((amplitudes * jnp.exp(1j * order * phase[None])).real, axis=0)

@@ -65,7 +65,7 @@ def error(layer: AbsorbingLayer | None, wavelength: float, loss: float = 0.0, st
 )
 def test_infinite_medium(wavelength, loss):
     # The rest is the error of elements of 0.6 mm in the tissue, most where waves are shorter than the box.
-    assert error(AbsorbingLayer(), wavelength, loss) < (1e-3 if wavelength < 0.01 else 4e-4)
+    assert error(AbsorbingLayer(), wavelength, loss) < (1e-3 if wavelength < 0.01 else 6e-4)
 
 
 @pytest.mark.parametrize("stiffness", [1.0, 1e8])
@@ -131,10 +131,14 @@ def test_without_stretch_a_layer_is_more_tissue():
     force = gaussian(mesh)
     padded = np.zeros((len(whole.gauss_r), len(whole.gauss_z)))
     padded[: force.shape[0], : force.shape[1]] = force
-    ours = solve_harmonic(mesh, homogeneous(mesh, shear, 1e6), force, frequency=FREQUENCY, layer=layer)
-    wide = solve_harmonic(whole, homogeneous(whole, shear, 1e6), padded, frequency=FREQUENCY, layer=None)
-    expected = wide.displacement[: len(mesh.node_r), : len(mesh.node_z)]
-    np.testing.assert_allclose(ours.displacement, expected, rtol=0.0, atol=1e-9 * float(jnp.max(jnp.abs(expected))))
+
+    def motion(where, forced, around):
+        material = homogeneous(where, shear, 1e6)
+        return solve_harmonic(where, material, forced, frequency=FREQUENCY, layer=around).displacement
+
+    ours, wide = jax.jit(lambda: (motion(mesh, force, layer), motion(whole, padded, None)))()
+    expected = wide[: len(mesh.node_r), : len(mesh.node_z)]
+    np.testing.assert_allclose(ours, expected, rtol=0.0, atol=1e-9 * float(jnp.max(jnp.abs(expected))))
 
 
 def test_no_sides_no_layer():
@@ -145,8 +149,7 @@ def test_no_sides_no_layer():
 
 
 def test_wavelength():
-    mesh = box()
-    field = homogeneous(mesh, modulus(0.02, 0.0) + 0j, 1e6)
+    field = homogeneous(box(), modulus(0.02, 0.0), 1e6)
     np.testing.assert_allclose(shear_wavelength(field, FREQUENCY), 0.02, rtol=1e-12)
 
 
