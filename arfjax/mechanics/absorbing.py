@@ -37,6 +37,26 @@ Field = Inexact[Array, "rq zq"] | Inexact[np.ndarray, "rq zq"]
 class AbsorbingLayer(eqx.Module):
     """Layer of stretched elements outside a mesh; its far end is held fast.
 
+    The tissue in it is that of the mesh's edge, and no force acts in it. Its elements grow from the size of the
+    mesh's last ones, which must resolve the waves (six or more to a wavelength).
+
+    Accuracy: the layer's error at 50 Hz against exact motion of an infinite elastic medium (a round Gaussian force of
+        2 mm 1/e radius in a box of 8 mm with elements of 0.5 mm, as a share of the largest amplitude; the default
+        strength and growth). The same holds at any frequency: what counts is the wavelength.
+
+        | shear wavelength | 4 mm | 8 mm | 20 mm | 50 mm | 0.2 m | 1 m | 10 m |
+        | --- | --- | --- | --- | --- | --- | --- | --- |
+        | 15 mm thick | 1e-3 | 7e-4 | 3e-3 | 6e-2 | 0.12 | 0.14 | 0.15 |
+        | 50 mm | 1e-3 | 3e-4 | 2e-4 | 9e-4 | 3e-2 | 5e-2 | 5e-2 |
+        | 0.2 m | 8e-4 | 3e-4 | 1.5e-4 | 1e-4 | 3e-4 | 8e-3 | 1.4e-2 |
+        | 1 m | 8e-4 | 3e-4 | 1.5e-4 | 1e-4 | 1e-4 | 1.4e-4 | 2e-3 |
+        | fixed box | | | | 0.4 | | | |
+
+        A layer as thick as the longest wavelength is therefore enough; what is left at short ones are the elements of
+        the tissue. Towards zero frequency the error is about the radius of the force over the thickness. Strengths
+        from 0.5 to 2 and growths from 1.25 to 2 differ by less than a factor of three. `layer_error` measures the
+        error of a layer in any problem.
+
     Attributes:
         thickness: Of the layer [m].
         strength: Imaginary over real part of the stretch [1]: 1 turns the path by 45 degrees.
@@ -178,8 +198,15 @@ def dynamic_stiffness(
     pressure = linear_pressure(_POINTS, _POINTS)
     coupling = jnp.einsum("zrg,gp,zrgi->zrpi", weights, pressure, jnp.sum(basis[:, :, :, :3], axis=3))
     compliance = jnp.einsum("zrg,gp,gq->zrpq", weights / bulk_modulus, pressure, pressure)
-    volumetric = jnp.einsum("zrpi,zrpj->zrij", coupling, jnp.linalg.solve(compliance, coupling))
+    volumetric = jnp.einsum("zrpi,zrpq,zrqj->zrij", coupling, _inverse(compliance), coupling)
     values = product(quadratic(_POINTS), quadratic(_POINTS))
     inertia = jnp.einsum("zrg,gi,gj->zrij", angular_frequency**2 * density * weights, values, values)
     both = jnp.einsum("zrij,cd->zricjd", inertia, jnp.eye(2, dtype=inertia.dtype))
     return deviatoric + volumetric - both.reshape(deviatoric.shape)
+
+
+def _inverse(matrices: Complex[Array, "*element 3 3"]) -> Complex[Array, "*element 3 3"]:
+    """Inverse of symmetric 3 x 3 matrices by cofactors: the compliance of an element is far from singular."""
+    rows = [matrices[..., i, :] for i in range(3)]
+    cofactors = jnp.stack([jnp.cross(rows[1], rows[2]), jnp.cross(rows[2], rows[0]), jnp.cross(rows[0], rows[1])], -2)
+    return cofactors / jnp.sum(cofactors[..., 0, :] * rows[0], axis=-1)[..., None, None]

@@ -95,9 +95,9 @@ def solve_periodic(
     """
     if not isinstance(frequency, Tracer) and not float(frequency) > 0.0:
         raise InputError(f"`frequency` of the modulation must be positive, got {frequency} Hz.")
-    orders = modulation.orders(n_harmonics)
-    if not orders:
+    if n_harmonics is not None and n_harmonics < 1:
         raise InputError(f"`n_harmonics` must be at least 1, got {n_harmonics}.")
+    orders = modulation.orders(n_harmonics)
     solved = jnp.asarray([0, *orders] if with_offset else orders, dtype=float)
 
     def amplitude(order: Float[Array, ""]) -> Complex[Array, "r z 2"]:

@@ -1,4 +1,4 @@
-"""The absorbing layer against exact motion of an infinite medium, over wavelengths from the mesh's size to far beyond."""
+"""The absorbing layer against exact motion of an infinite medium, for waves shorter and longer than the mesh."""
 
 import functools
 from collections.abc import Callable
