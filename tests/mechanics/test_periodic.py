@@ -118,6 +118,7 @@ def test_peak_to_peak():
     assert_gradient(lambda x: peak_to_peak(jax.lax.complex(x["re"], x["im"])), parts, step=1e-4)
 
 
+@pytest.mark.slow
 def test_gradient():
     mesh = small_mesh()
     start = {
