@@ -144,7 +144,7 @@ def _extreme(
     # Phase at which the slope vanishes, by Newton's method from the best sample, and never far from it.
     turn = 1j * jnp.arange(1.0, len(amplitudes) + 1.0).reshape((-1,) + (1,) * start.ndim)
 
-    def step(_: int, phase: Array) -> Array:
+    def step(_: object, phase: Array) -> Array:
         slope, curvature = _sum_of(amplitudes * turn, phase), _sum_of(amplitudes * turn**2, phase)
         flat = curvature == 0.0
         moved = phase - jnp.where(flat, 0.0, slope / jnp.where(flat, 1.0, curvature))
