@@ -1,0 +1,238 @@
+"""Factors of sparse symmetric matrices on the host: who makes them, whether they are reliable, how long they live."""
+
+import abc
+import dataclasses
+import importlib.util
+import itertools
+import threading
+from collections import OrderedDict
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+
+from arfjax.errors import InputError
+from arfjax.numerics.sparse_pattern import Pattern
+
+
+class HostFactor(abc.ABC):
+    """What a backend gives: factors on the host, in the order of elimination."""
+
+    n_bytes: int
+
+    @abc.abstractmethod
+    def solve(self, right_sides: np.ndarray) -> np.ndarray:
+        """Solutions of several systems, one a column."""
+
+
+class _SuperLU(HostFactor):
+    """LU factors, pivots on the diagonal wherever they are large enough."""
+
+    def __init__(self, matrix: Any, *, ordered: bool, pivoting: float):
+        self._factors = scipy.sparse.linalg.splu(
+            matrix,
+            permc_spec="NATURAL" if ordered else "MMD_AT_PLUS_A",
+            diag_pivot_thresh=pivoting,
+            options={"SymmetricMode": True},
+        )
+        self.n_bytes = int(self._factors.nnz) * (matrix.dtype.itemsize + 4)
+
+    def solve(self, right_sides: np.ndarray) -> np.ndarray:
+        return self._factors.solve(right_sides)
+
+
+class _Cholmod(HostFactor):
+    """Cholesky factors of a real positive definite matrix, from the package cholespy, which orders by itself."""
+
+    def __init__(self, matrix: Any, *, ordered: bool, pivoting: float):
+        del ordered, pivoting
+        cholespy = importlib.import_module("cholespy")
+        self._factors = cholespy.CholeskySolverD(
+            matrix.shape[0], matrix.indptr, matrix.indices, matrix.data, cholespy.MatrixType.CSC
+        )
+        self.n_bytes = 60 * matrix.nnz  # not told; what half of a tenfold fill takes
+
+    def solve(self, right_sides: np.ndarray) -> np.ndarray:
+        right_sides = np.ascontiguousarray(right_sides)
+        solutions = np.empty_like(right_sides)
+        self._factors.solve(right_sides, solutions)
+        return solutions
+
+
+_BACKENDS: dict[str, tuple[type, str | None]] = {"superlu": (_SuperLU, None), "cholmod": (_Cholmod, "cholespy")}
+
+
+def check_backend(backend: str, *, complex_valued: bool) -> None:
+    """Refuse a backend that is not known, not installed or does not take complex matrices."""
+    if backend not in _BACKENDS:
+        raise InputError(f"`backend` {backend!r} is not known: take one of {', '.join(_BACKENDS)}.")
+    package = _BACKENDS[backend][1]
+    if package is not None and importlib.util.find_spec(package) is None:
+        raise InputError(f"`backend` {backend!r} needs the package {package}: install it, or take 'superlu'.")
+    if backend == "cholmod" and complex_valued:
+        raise InputError("`backend` 'cholmod' takes real positive definite matrices only: take 'superlu' for complex.")
+
+
+@dataclasses.dataclass
+class HeldFactor:
+    """Factors, and the matrix that they are of."""
+
+    pattern: Pattern
+    backend: str
+    values: np.ndarray
+    factor: HostFactor
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory that it takes."""
+        return self.factor.n_bytes + self.values.nbytes
+
+    def solve(self, right_sides: np.ndarray) -> np.ndarray:
+        """Solutions of several systems, one a column, in the order of the unknowns."""
+        if np.iscomplexobj(right_sides) and not np.iscomplexobj(self.values):
+            return self.solve(np.real(right_sides)) + 1j * self.solve(np.imag(right_sides))
+        order = self.pattern.order
+        if order is None:
+            return self.factor.solve(np.asarray(right_sides, order="F"))
+        solutions = np.empty_like(right_sides)
+        solutions[order] = self.factor.solve(np.asarray(right_sides[order], order="F"))
+        return solutions
+
+
+class FactorStore:
+    """The factors used last, by number. Numbers are never given twice."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._held: OrderedDict[int, HeldFactor] = OrderedDict()
+        self._numbers = itertools.count()
+        self._lock = threading.RLock()
+        self.limit = 4 * 2**30
+
+    def find(self, pattern: Pattern, backend: str, values: np.ndarray) -> int | None:
+        """Number of the factors of this very matrix, if they are kept."""
+        with self._lock:
+            for number in reversed(self._held):
+                held = self._held[number]
+                if held.pattern is pattern and held.backend == backend and held.values.dtype == values.dtype:
+                    if np.array_equal(held.values, values):
+                        self._held.move_to_end(number)
+                        return number
+        return None
+
+    def keep(self, held: HeldFactor) -> int:
+        """Their number from now on; drops those not used for longest once all take more than the limit."""
+        with self._lock:
+            number = next(self._numbers)
+            self._held[number] = held
+            self._trim()
+            return number
+
+    def get(self, number: int) -> HeldFactor:
+        """The factors of that number.
+
+        Raises:
+            RuntimeError: if they have been dropped.
+        """
+        with self._lock:
+            if number not in self._held:
+                raise RuntimeError(
+                    f"the factors number {number} of a sparse matrix have been dropped: more were alive at once than "
+                    f"{self.limit / 2**30:g} GiB hold. Solve batch members one after the other (`jax.lax.map`), or "
+                    "raise the limit (`limit_factor_memory`)."
+                )
+            self._held.move_to_end(number)
+            return self._held[number]
+
+    def set_limit(self, n_bytes: int) -> None:
+        """Keep no more than that, and one."""
+        with self._lock:
+            self.limit = n_bytes
+            self._trim()
+
+    def _trim(self) -> None:
+        while len(self._held) > 1 and sum(each.n_bytes for each in self._held.values()) > self.limit:
+            self._held.popitem(last=False)
+
+    def clear(self) -> None:
+        """Drop all."""
+        with self._lock:
+            self._held.clear()
+
+
+STORE = FactorStore()
+
+
+def limit_factor_memory(n_bytes: int) -> None:
+    """How much the host keeps of factors and their matrices, those used last; at first 4 GiB. One is always kept."""
+    if n_bytes <= 0:
+        raise InputError(f"`n_bytes` must be positive, got {n_bytes}.")
+    STORE.set_limit(n_bytes)
+
+
+def release_factors() -> None:
+    """Drops all factors from the host; a solve with one of them raises an error."""
+    STORE.clear()
+
+
+def factor_number(pattern: Pattern, backend: str, values: np.ndarray) -> int:
+    """Number in `STORE` of the factors of a matrix, made now unless they are kept; -1 if it is not finite.
+
+    Raises:
+        ValueError: if the matrix is not symmetric, singular to working precision, or solved without accuracy.
+    """
+    if not np.all(np.isfinite(values)):
+        return -1
+    number = STORE.find(pattern, backend, values)
+    if number is not None:
+        return number
+    asymmetry = np.max(np.abs(values - values[pattern.mirrored]), initial=0.0)
+    if asymmetry > 1e-9 * np.max(np.abs(values)):
+        raise ValueError(f"the sparse matrix is not symmetric: entries differ by {asymmetry:g} from their mirror.")
+    places: Any = pattern.reordered
+    matrix = scipy.sparse.csc_matrix((values[places.data], places.indices, places.indptr), places.shape)
+    return STORE.keep(
+        HeldFactor(pattern, backend, values, _reliable_factor(matrix, backend, ordered=pattern.order is not None))
+    )
+
+
+def _reliable_factor(matrix: Any, backend: str, *, ordered: bool) -> HostFactor:
+    # Pivots on the diagonal keep the fill low. Where they are too small for accuracy, pivot as stability wants.
+    residual = np.inf
+    for pivoting in (1e-3, 1.0):
+        try:
+            factor = _BACKENDS[backend][0](matrix, ordered=ordered, pivoting=pivoting)
+        except (RuntimeError, ValueError) as error:
+            raise ValueError(f"{backend} cannot factorise the sparse matrix: {error}. {_SINGULAR}") from error
+        residual, condition = _check(matrix, factor)
+        if not condition < _LARGEST_CONDITION:
+            raise ValueError(f"the sparse matrix is singular (condition at least {condition:.1e}). {_SINGULAR}")
+        if residual < _LARGEST_RESIDUAL:
+            return factor
+    raise ValueError(f"{backend} solves the sparse matrix with relative residual {residual:.1e} only. {_SINGULAR}")
+
+
+_SINGULAR = "Is something free to move without force, or a constant of the material zero, negative or not in SI units?"
+
+_LARGEST_CONDITION = 1e15
+"""Of the matrix scaled to entries of one; that of nearly incompressible solids is below 1e12."""
+
+_LARGEST_RESIDUAL = 1e-10
+"""Backward error above which pivots off the diagonal are tried."""
+
+
+def _check(matrix: Any, factor: HostFactor) -> tuple[float, float]:
+    # Backward error, and a lower bound of the condition of the scaled matrix by two steps of inverse iteration.
+    sizes = abs(matrix)
+    scale = np.sqrt(sizes.max(axis=0).toarray().ravel())
+    vector = np.random.default_rng(0).standard_normal(matrix.shape[0])
+    residual = condition = np.inf
+    for _ in range(2):
+        right_side = (scale * vector / np.linalg.norm(vector)).astype(matrix.dtype)
+        solution = factor.solve(np.asarray(right_side[:, None], order="F"))[:, 0]
+        size = sizes @ np.abs(solution) + np.abs(right_side)
+        residual = float(np.max(np.abs(matrix @ solution - right_side) / size))
+        vector = scale * solution
+        condition = float(np.linalg.norm(vector))
+    return residual, condition
