@@ -8,10 +8,8 @@ from jaxtyping import Array, Float
 from arfjax.errors import InputError
 from arfjax.mechanics.viscoelastic import (
     ModulusReading,
-    Prony,
     ViscoelasticField,
-    prony_of_fractional_zener,
-    prony_of_zener,
+    prony_of,
     viscoelastic_field,
 )
 from arfjax.media import FractionalZener, Scalar, Zener
@@ -66,21 +64,10 @@ def liver_with_lesion(
         )
     solid = jax.tree.map(lambda outside, inside: outside + (inside - outside) * depth, liver, lesion)
     return viscoelastic_field(
-        _prony(solid),
+        prony_of(solid),
         (depth.shape[0], depth.shape[1]),
         density=density,
         bulk_modulus=reading.bulk_modulus(solid.unrelaxed_modulus, poisson_ratio),
         reading=reading,
         poisson_ratio=poisson_ratio,
     )
-
-
-PUSH_BRANCHES, PUSH_WINDOW = 24, (1e-5, 1.0)
-"""Exponentials of a fractional solid in a push, and the times that matter over its relaxation time: a push of 0.5 ms in
-steps of 20 us, relaxation times of 5 ms to 1 s. There the kernel is within 3e-5 for orders up to 0.7, 4e-3 at 0.9."""
-
-
-def _prony(solid: Zener | FractionalZener) -> Prony:
-    if isinstance(solid, Zener):
-        return prony_of_zener(solid)
-    return prony_of_fractional_zener(solid, n_branches=PUSH_BRANCHES, time_window=PUSH_WINDOW)
