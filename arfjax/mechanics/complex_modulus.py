@@ -1,8 +1,8 @@
 r"""Complex modulus of solids: what a dynamic mechanical analysis measures.
 
 With $z = (i \omega \tau)^\alpha$ both Zener solids are one rational function, $M = (M_0 + M_\infty z) / (1 + z)$. Its
-real and imaginary part are the two equations of Suomi et al. (2016), after Kohandel et al. (2005). They are evaluated here
-in $z$ below the relaxation frequency and in $1/z$ above it, so that no power overflows and no sum cancels.
+real and imaginary part are the two equations of Suomi et al. (2016), after Kohandel et al. (2005). They are evaluated
+here in $z$ below the relaxation frequency and in $1/z$ above it, so that no power overflows and no sum cancels.
 """
 
 import jax

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax.mechanics.mesh import Mesh, Walls, interpolation_weights
+from arfjax.mechanics.mesh import Mesh, Wall, Walls, interpolation_weights
 from tests.mechanics.problems import small_mesh
 
 
@@ -26,7 +26,7 @@ def test_fields_are_sorted_by_elements():
 
 
 def test_walls_hold_what_they_should():
-    free = small_mesh(Walls(outer_fixed=False, bottom_fixed=True, top_fixed=False)).free
+    free = small_mesh(Walls(outer=Wall.FREE, top=Wall.FREE)).free
     assert np.all(free[0] == 0.0) and np.all(free[1:, 0, 0] == 0.0)
     assert np.all(free[1:, 0, 1] == 1.0) and np.all(free[1:, 1:] == 1.0)
     assert np.all(small_mesh().free[:, -1] == 0.0) and np.all(small_mesh().free[-1] == 0.0)
