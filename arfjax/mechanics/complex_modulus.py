@@ -19,6 +19,7 @@ from arfjax.media import (
     Prony,
     Scalar,
     Solid,
+    Values,
     Zener,
 )
 
@@ -150,7 +151,7 @@ def _first_power(x: Float[Array, "..."]):
     return jnp.where(below, x, 1.0 / jnp.where(below, 1.0, x)), below
 
 
-def _fractional_power(frequency: Float[Array, "..."], time: Float[Array, ""], order: Scalar):
+def _fractional_power(frequency: Float[Array, "..."], time: Float[Array, "..."], order: Values):
     """The smaller of (omega tau)^alpha and its inverse, and whether that is the power itself."""
     static = (frequency == 0.0) | (time == 0.0)
     logarithm = order * (jnp.log(jnp.where(static, 1.0, frequency)) + jnp.log(jnp.where(static, 1.0, time)))

@@ -14,8 +14,8 @@ STEEPEST = 1.3
 class OuterLayer(eqx.Module):
     r"""Elements outside the graded part of a mesh, as the "infinite elements" of Suomi et al. (2016), 5 mm thick.
 
-    With the share x of the thickness they stand for the distance $thickness \, x / (1 - x (1 - 1 / stretch))$: the first
-    is about as long as it looks, the last nearly as long as all: a few unknowns move the walls away by `stretch`
+    With the share x of the thickness they stand for the distance $thickness \, x / (1 - x (1 - 1 / stretch))$: the
+    first is about as long as it looks, the last nearly as long as all. A few unknowns move the walls away by `stretch`
     thicknesses.
 
     MEASURED
@@ -27,7 +27,7 @@ class OuterLayer(eqx.Module):
     """
 
     thickness: float = eqx.field(static=True, default=5e-3)
-    n_elements: int = eqx.field(static=True, default=4)
+    n_elements: int = eqx.field(static=True, default=8)
     stretch: float = eqx.field(static=True, default=1000.0)
 
     def __check_init__(self) -> None:

@@ -11,6 +11,7 @@ few branches approximate, and so does a pair of fast branches a viscosity: the m
 import abc
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -246,7 +247,7 @@ def prony_of(
     """
     match solid:
         case Prony():
-            return solid
+            return jax.tree.map(_as_array, solid)
         case Elastic():
             relaxed = _as_array(solid.modulus)
             none = jnp.zeros((0, *relaxed.shape), relaxed.dtype)

@@ -109,8 +109,8 @@ def ellipsoid_share(axial, radial, edge, mesh=MESH):
 def test_length_and_diameter_are_twice_the_semi_axes():
     as_table = Ellipsoid.of_length_and_diameter(5e-3, 1.2e-3, centre=1e-3)
     assert as_table == Ellipsoid.of_semi_axes(2.5e-3, 0.6e-3, centre=1e-3)
-    assert float(as_table.relative_radius(0.6e-3, 1e-3)) == pytest.approx(1.0)
-    assert float(as_table.relative_radius(0.0, 3.5e-3)) == pytest.approx(1.0)
+    assert float(as_table.relative_radius(np.asarray(0.6e-3), np.asarray(1e-3))) == pytest.approx(1.0)
+    assert float(as_table.relative_radius(np.asarray(0.0), np.asarray(3.5e-3))) == pytest.approx(1.0)
 
 
 def test_distance_from_a_sphere_is_exact_and_from_an_ellipsoid_of_first_order():
@@ -153,9 +153,9 @@ def test_shape_derivative(edge):
 
 
 def test_no_lesion_has_no_share_and_finite_derivatives():
-    for edge in (LinearEdge(), SharpEdge(0.1e-3)):
+    for edge in (LinearEdge(), SharpEdge(0.01e-3)):
         share = ellipsoid_share(0.0, 0.0, edge)
-        assert float(jnp.max(share)) < 1e-6 or isinstance(edge, SharpEdge)
+        assert float(jnp.max(share)) < 1e-6
         slope = jax.grad(lambda size, edge=edge: jnp.sum(ellipsoid_share(size, size, edge)))(0.0)
         assert np.isfinite(slope)
 
