@@ -45,6 +45,21 @@ class Walls(eqx.Module):
     bottom: Wall = eqx.field(static=True, default=Wall.FIXED, converter=_as_wall)
     top: Wall = eqx.field(static=True, default=Wall.FIXED, converter=_as_wall)
 
+    @property
+    def outer_fixed(self) -> bool:
+        """Whether the wall at the largest radius is fixed."""
+        return self.outer is Wall.FIXED
+
+    @property
+    def bottom_fixed(self) -> bool:
+        """Whether the wall at the smallest z is fixed."""
+        return self.bottom is Wall.FIXED
+
+    @property
+    def top_fixed(self) -> bool:
+        """Whether the wall at the largest z is fixed."""
+        return self.top is Wall.FIXED
+
 
 class Mesh(eqx.Module):
     """Biquadratic elements between radial edges and axial edges.
