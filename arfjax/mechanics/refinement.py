@@ -18,7 +18,17 @@ class OuterLayer(eqx.Module):
     first is about as long as it looks, the last nearly as long as all. A few unknowns move the walls away by `stretch`
     thicknesses.
 
-    MEASURED
+    What they do, beside a fixed box of 21 mm radius and 20 mm half length (largest error at eight points within 10 mm
+    of the focus over the largest displacement; mesh of 0.25 x 0.8 mm, layers of the defaults):
+
+    | case | box | plain 5 mm | stretched |
+    | --- | --- | --- | --- |
+    | static, elastic | 10 % | 8 % | 3 % |
+    | 50 Hz, fractional solid with much loss | 11 % | 9 % | 0.14 % (5 % with 4 elements) |
+    | 50 Hz, liver's Zener solid, hardly any loss | 110 % | 77 % | 41 % |
+
+    In a push of 0.5 ms they do nothing: no wave has come back from the wall (3e-5). They do not absorb: a wave that
+    comes to elements longer than half its length is reflected there. Against waves use an absorbing layer.
 
     Attributes:
         thickness: [m].
