@@ -192,7 +192,9 @@ def _check_zener(solid: Zener | FractionalZener) -> None:
     _check("relaxation_time", solid.relaxation_time, "s", largest=np.inf)
 
 
-def _check(name: str, values: Values, unit: str, *, largest: float = LARGEST_MODULUS) -> None:
+def _check(
+    name: str, values: Values | Float[np.ndarray, "..."], unit: str, *, largest: float = LARGEST_MODULUS
+) -> None:
     # Traced values cannot be looked at, and neither can what a transformation puts in their place.
     if isinstance(values, Tracer):
         return
