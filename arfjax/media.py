@@ -1,8 +1,12 @@
 """What a medium is at one temperature: plain numbers with units, as frozen pytrees that the solvers take."""
 
 import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
+from arfjax.errors import InputError
 from arfjax.units import REFERENCE_FREQUENCY
 
 Scalar = float | Float[Array, ""]
@@ -53,6 +57,24 @@ class ThermalMedium(eqx.Module):
     metabolic_heat: Values = 0.0
 
 
+LARGEST_MODULUS = 1e10
+"""Modulus [Pa] and viscosity [Pa s] beyond which a solid's constants are refused: bone has 2e10 Pa, tissue 1e6."""
+
+
+class Elastic(eqx.Module):
+    """An elastic solid.
+
+    Attributes:
+        modulus: At every frequency [Pa].
+    """
+
+    modulus: Values
+
+    def __check_init__(self) -> None:
+        """Refuse constants that no tissue has."""
+        _check("modulus", self.modulus, "Pa")
+
+
 class Zener(eqx.Module):
     """Constants of the conventional Zener (standard linear) solid.
 
@@ -65,6 +87,10 @@ class Zener(eqx.Module):
     relaxed_modulus: Values
     unrelaxed_modulus: Values
     relaxation_time: Values
+
+    def __check_init__(self) -> None:
+        """Refuse constants that no tissue has."""
+        _check_zener(self)
 
 
 class FractionalZener(eqx.Module):
@@ -81,3 +107,101 @@ class FractionalZener(eqx.Module):
     unrelaxed_modulus: Values
     relaxation_time: Values
     fractional_order: Values
+
+    def __check_init__(self) -> None:
+        """Refuse constants that no tissue has."""
+        _check_zener(self)
+        _check("fractional_order", self.fractional_order, "", largest=1.0)
+
+
+class KelvinVoigt(eqx.Module):
+    """A spring beside a dashpot: complex modulus $M_0 + i omega eta$.
+
+    Attributes:
+        relaxed_modulus: Modulus at zero frequency [Pa].
+        viscosity: [Pa s].
+    """
+
+    relaxed_modulus: Values
+    viscosity: Values
+
+    def __check_init__(self) -> None:
+        """Refuse constants that no tissue has."""
+        _check("relaxed_modulus", self.relaxed_modulus, "Pa")
+        _check("viscosity", self.viscosity, "Pa s")
+
+
+class FractionalKelvinVoigt(eqx.Module):
+    """A spring beside a spring-pot: complex modulus $M_0 + eta (i omega)^alpha$; order 1 is Kelvin and Voigt's.
+
+    Attributes:
+        relaxed_modulus: Modulus at zero frequency [Pa]; 0 is a spring-pot alone.
+        viscosity: Of the spring-pot [Pa s^fractional_order].
+        fractional_order: Order of the derivative, above 0 and up to 1 [1].
+    """
+
+    relaxed_modulus: Values
+    viscosity: Values
+    fractional_order: Values
+
+    def __check_init__(self) -> None:
+        """Refuse constants that no tissue has."""
+        _check("relaxed_modulus", self.relaxed_modulus, "Pa")
+        _check("viscosity", self.viscosity, "Pa s^order")
+        _check("fractional_order", self.fractional_order, "", largest=1.0)
+
+
+class Prony(eqx.Module):
+    """Several relaxations: a relaxation modulus that is a sum of exponentials, of a point or of a field.
+
+    A branch's modulus may be negative where the sum is a solid all the same: in the pair that stands for a viscosity.
+
+    Attributes:
+        relaxed_modulus: Modulus after all has relaxed [Pa].
+        branch_moduli: Modulus that each branch adds at first [Pa].
+        relaxation_times: Of each branch [s].
+    """
+
+    relaxed_modulus: Values
+    branch_moduli: Float[Array, "branch *space"] | Float[np.ndarray, "branch *space"]
+    relaxation_times: Float[Array, "branch *space"] | Float[np.ndarray, "branch *space"]
+
+    def __check_init__(self) -> None:
+        """Refuse constants that no tissue has, and branches without a relaxation time."""
+        _check("relaxed_modulus", self.relaxed_modulus, "Pa")
+        _check("relaxation_times", self.relaxation_times, "s", largest=np.inf)
+        if self.branch_moduli.shape[0] != self.relaxation_times.shape[0]:
+            raise InputError(
+                f"`branch_moduli` has {self.branch_moduli.shape[0]} branches and `relaxation_times` "
+                f"{self.relaxation_times.shape[0]}: give one of each a branch, along the first axis."
+            )
+        _check("relaxed_modulus` plus `branch_moduli", self.relaxed_modulus + self.branch_moduli.sum(0), "Pa")
+
+    def relaxation_modulus(self, time: Scalar) -> Float[Array, "*space"]:
+        """Modulus [Pa] a time [s] after a step of strain."""
+        return self.relaxed_modulus + jnp.sum(self.branch_moduli * jnp.exp(-time / self.relaxation_times), axis=0)
+
+
+Solid = Elastic | Zener | FractionalZener | KelvinVoigt | FractionalKelvinVoigt | Prony
+"""What a viscoelastic medium may be. Constants may be numbers, or fields of one shape."""
+
+
+def _check_zener(solid: Zener | FractionalZener) -> None:
+    _check("relaxed_modulus", solid.relaxed_modulus, "Pa")
+    _check("unrelaxed_modulus", solid.unrelaxed_modulus, "Pa")
+    _check("relaxation_time", solid.relaxation_time, "s", largest=np.inf)
+
+
+def _check(
+    name: str, values: Values | Float[np.ndarray, "..."], unit: str, *, largest: float = LARGEST_MODULUS
+) -> None:
+    # Traced values cannot be looked at, and neither can what a transformation puts in their place.
+    if isinstance(values, Tracer):
+        return
+    numbers = np.asarray(values)
+    if not np.issubdtype(numbers.dtype, np.number):
+        return
+    bad = numbers[~((numbers >= 0.0) & (numbers <= largest))]
+    if bad.size:
+        bounds = "not be negative" if np.isinf(largest) else f"lie in 0 to {largest:g} {unit}".rstrip()
+        raise InputError(f"`{name}` must {bounds}, got {bad.flat[0]:g} {unit}".rstrip() + ". Is its unit right?")

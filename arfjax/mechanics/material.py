@@ -1,23 +1,122 @@
-"""Liver with a lesion in it, at the Gauss points of a mesh."""
+"""What the tissue is at the Gauss points of a mesh, from solids and from closures on (r, z)."""
 
+from collections.abc import Callable
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
+from arfjax.mechanics.lesion import Ellipsoid, EllipsoidalLesion, Points
+from arfjax.mechanics.mesh import Mesh
 from arfjax.mechanics.viscoelastic import (
     ModulusReading,
-    Prony,
     ViscoelasticField,
-    prony_of_fractional_zener,
-    prony_of_zener,
+    prony_of,
     viscoelastic_field,
 )
-from arfjax.media import FractionalZener, Scalar, Zener
+from arfjax.media import Elastic, FractionalKelvinVoigt, FractionalZener, KelvinVoigt, Prony, Scalar, Solid, Zener
 
-_SMALLEST_AXIS = 1e-9
-"""Semi-axis [m] that stands for none: far below the distance from the axis to the nearest Gauss point."""
+SolidAt = Callable[[Points, Points], Solid]
+"""A material: the solid at points r, z [m], its constants as fields of the shape that r and z broadcast to.
+
+A number stands for a constant that is the same everywhere; so `lambda r, z: KelvinVoigt(2e3, 1.0)` is one too."""
+
+
+class Inclusion(eqx.Module):
+    """A material that goes from one solid to another of its kind with a share that a closure on (r, z) gives.
+
+    Attributes:
+        outside: Where the share is 0.
+        inside: Where the share is 1.
+        share: Of the inside, such as an `EllipsoidalLesion`.
+    """
+
+    outside: Solid
+    inside: Solid
+    share: Callable[[Points, Points], Float[Array, "..."]]
+
+    def __call__(self, r: Points, z: Points) -> Solid:
+        """The solid at points r, z [m]."""
+        return mixed(self.outside, self.inside, self.share(r, z))
+
+
+def mixed(outside: Solid, inside: Solid, share: Float[Array, "rq zq"] | Float[np.ndarray, "rq zq"]) -> Solid:
+    """A solid whose every constant goes linearly from one solid's to another's.
+
+    Raises:
+        InputError: if they are not the same kind of solid.
+    """
+    if type(outside) is not type(inside):
+        raise InputError(
+            f"liver is a {type(outside).__name__} and the lesion a {type(inside).__name__}: "
+            "give both the same kind of solid."
+        )
+    return jax.tree.map(lambda first, second: _mixed_constant(first, second, jnp.asarray(share)), outside, inside)
+
+
+def material_at(
+    mesh: Mesh,
+    solid_at: SolidAt,
+    *,
+    density: Scalar,
+    reading: ModulusReading,
+    poisson_ratio: Scalar,
+) -> ViscoelasticField:
+    """The field of a material on a mesh, for the march in time.
+
+    Args:
+        mesh: The mesh.
+        solid_at: The material.
+        density: [kg/m^3].
+        reading: Which moduli the solid's are.
+        poisson_ratio: At instantaneous loading [1].
+    """
+    solid = solid_at(jnp.asarray(mesh.gauss_r, dtype=float)[:, None], jnp.asarray(mesh.gauss_z, dtype=float)[None, :])
+    return material_of(
+        solid,
+        (len(mesh.gauss_r), len(mesh.gauss_z)),
+        density=density,
+        reading=reading,
+        poisson_ratio=poisson_ratio,
+    )
+
+
+def material_of(
+    solid: Solid,
+    shape: tuple[int, int],
+    *,
+    density: Scalar,
+    reading: ModulusReading,
+    poisson_ratio: Scalar,
+) -> ViscoelasticField:
+    """The field of a solid whose constants are numbers or fields on the Gauss points, see `material_at`."""
+    return viscoelastic_field(
+        prony_of(solid),
+        shape,
+        density=density,
+        bulk_modulus=reading.bulk_modulus(instantaneous_modulus(solid), poisson_ratio),
+        reading=reading,
+        poisson_ratio=poisson_ratio,
+    )
+
+
+def instantaneous_modulus(solid: Solid) -> Scalar | Float[Array, "..."]:
+    """Modulus [Pa] at the start of a step of strain: the one that the bulk modulus goes with.
+
+    A Kelvin-Voigt solid has none. Volume is elastic here, so that for it the spring's modulus is taken.
+    """
+    match solid:
+        case Elastic():
+            return solid.modulus
+        case Zener() | FractionalZener():
+            return solid.unrelaxed_modulus
+        case KelvinVoigt() | FractionalKelvinVoigt():
+            return solid.relaxed_modulus
+        case Prony():
+            return solid.relaxed_modulus + jnp.sum(jnp.asarray(solid.branch_moduli), axis=0)
 
 
 def ellipsoid_depth(
@@ -32,14 +131,13 @@ def ellipsoid_depth(
         diameter: Across the axis [m]; 0 for none.
         centre: Axial position of its centre [m].
     """
-    across = r[:, None] / jnp.maximum(0.5 * diameter, _SMALLEST_AXIS)
-    along = (z[None, :] - centre) / jnp.maximum(0.5 * length, _SMALLEST_AXIS)
-    return jnp.maximum(1.0 - jnp.hypot(across, along), 0.0)
+    ellipsoid = Ellipsoid.of_length_and_diameter(length, diameter, centre=centre)
+    return EllipsoidalLesion(ellipsoid)(r[:, None], z[None, :])
 
 
 def liver_with_lesion(
-    liver: Zener | FractionalZener,
-    lesion: Zener | FractionalZener,
+    liver: Solid,
+    lesion: Solid,
     depth: Float[Array, "rq zq"],
     *,
     density: Scalar,
@@ -56,31 +154,22 @@ def liver_with_lesion(
         lesion: Constants at the lesion's centre; the same kind of solid.
         depth: Depth in the lesion at the Gauss points, from 0 (outside) to 1 (centre).
         density: [kg/m^3].
-        reading: Whether the moduli are Young's or shear moduli.
+        reading: Which moduli the solid's are.
         poisson_ratio: [1].
     """
-    if type(liver) is not type(lesion):
-        raise InputError(
-            f"liver is a {type(liver).__name__} and the lesion a {type(lesion).__name__}: "
-            "give both the same kind of solid."
-        )
-    solid = jax.tree.map(lambda outside, inside: outside + (inside - outside) * depth, liver, lesion)
-    return viscoelastic_field(
-        _prony(solid),
+    return material_of(
+        mixed(liver, lesion, depth),
         (depth.shape[0], depth.shape[1]),
         density=density,
-        bulk_modulus=reading.bulk_modulus(solid.unrelaxed_modulus, poisson_ratio),
         reading=reading,
         poisson_ratio=poisson_ratio,
     )
 
 
-PUSH_BRANCHES, PUSH_WINDOW = 24, (1e-5, 1.0)
-"""Exponentials of a fractional solid in a push, and the times that matter over its relaxation time: a push of 0.5 ms in
-steps of 20 us, relaxation times of 5 ms to 1 s. There the kernel is within 3e-5 for orders up to 0.7, 4e-3 at 0.9."""
-
-
-def _prony(solid: Zener | FractionalZener) -> Prony:
-    if isinstance(solid, Zener):
-        return prony_of_zener(solid)
-    return prony_of_fractional_zener(solid, n_branches=PUSH_BRANCHES, time_window=PUSH_WINDOW)
+def _mixed_constant(
+    outside: Scalar | Float[Array, "..."], inside: Scalar | Float[Array, "..."], share: Float[Array, "rq zq"]
+) -> Float[Array, "..."]:
+    first, second = jnp.asarray(outside, dtype=float), jnp.asarray(inside, dtype=float)
+    if first.ndim == 1:  # branches of a Prony series
+        first, second = first[:, None, None], second[:, None, None]
+    return first + (second - first) * (share[None] if first.ndim == 3 else share)

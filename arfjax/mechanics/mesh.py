@@ -1,5 +1,6 @@
 """The mesh of the mechanical problem: rectangles in the half plane (r, z), rotated about the axis."""
 
+import enum
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -14,18 +15,50 @@ N_GAUSS = 3
 """Gauss points along each side of an element: exact for the mass matrix of a biquadratic element on a ring."""
 
 
-class Walls(eqx.Module):
-    """Which outer walls are held fast; the others are free of traction. The axis is never a wall.
+class Wall(enum.Enum):
+    """What a wall lets the tissue beside it do.
 
-    Attributes:
-        outer_fixed: The wall at the largest radius.
-        bottom_fixed: The wall at the smallest z.
-        top_fixed: The wall at the largest z.
+    FIXED: nothing (as in Suomi et al. 2016).
+    FREE: everything; no traction.
+    SLIDING: move along the wall, and not through it; no traction along it. A plane of symmetry is such a wall.
     """
 
-    outer_fixed: bool = eqx.field(static=True, default=True)
-    bottom_fixed: bool = eqx.field(static=True, default=True)
-    top_fixed: bool = eqx.field(static=True, default=True)
+    FIXED = "fixed"
+    FREE = "free"
+    SLIDING = "sliding"
+
+
+def _as_wall(wall: Wall | bool) -> Wall:
+    return wall if isinstance(wall, Wall) else (Wall.FIXED if wall else Wall.FREE)
+
+
+class Walls(eqx.Module):
+    """Conditions on the outer walls. The axis is never a wall. True stands for fixed, False for free.
+
+    Attributes:
+        outer: The wall at the largest radius.
+        bottom: The wall at the smallest z.
+        top: The wall at the largest z.
+    """
+
+    outer: Wall = eqx.field(static=True, default=Wall.FIXED, converter=_as_wall)
+    bottom: Wall = eqx.field(static=True, default=Wall.FIXED, converter=_as_wall)
+    top: Wall = eqx.field(static=True, default=Wall.FIXED, converter=_as_wall)
+
+    @property
+    def outer_fixed(self) -> bool:
+        """Whether the wall at the largest radius is fixed."""
+        return self.outer is Wall.FIXED
+
+    @property
+    def bottom_fixed(self) -> bool:
+        """Whether the wall at the smallest z is fixed."""
+        return self.bottom is Wall.FIXED
+
+    @property
+    def top_fixed(self) -> bool:
+        """Whether the wall at the largest z is fixed."""
+        return self.top is Wall.FIXED
 
 
 class Mesh(eqx.Module):
@@ -80,14 +113,23 @@ class Mesh(eqx.Module):
         return _inside(self.z_edges, gauss_legendre(N_GAUSS)[0])
 
     @property
+    def gauss_weights(self) -> tuple[Float[np.ndarray, " rq"], Float[np.ndarray, " zq"]]:
+        """Area 2 pi r dr [m^2] and height dz [m] for which each radial and each axial Gauss point stands."""
+        weights = gauss_legendre(N_GAUSS)[1]
+        r_sizes, z_sizes = (0.5 * np.diff(edges)[:, None] * weights for edges in (self.r_edges, self.z_edges))
+        return 2.0 * np.pi * self.gauss_r * r_sizes.ravel(), z_sizes.ravel()
+
+    @property
     def free(self) -> Float[np.ndarray, "row column 2"]:
         """One for each displacement component that may move, zero for those that are held."""
         free = np.ones((len(self.node_z), len(self.node_r), 2))
         free[:, 0, 0] = 0.0
         walls = self.walls
-        for fixed, wall in ((walls.outer_fixed, np.s_[:, -1]), (walls.bottom_fixed, 0), (walls.top_fixed, -1)):
-            if fixed:
+        for kind, wall, normal in ((walls.outer, np.s_[:, -1], 0), (walls.bottom, 0, 1), (walls.top, -1, 1)):
+            if kind is Wall.FIXED:
                 free[wall] = 0.0
+            elif kind is Wall.SLIDING:
+                free[wall][..., normal] = 0.0
         return free
 
     def element_values(self, field: Float[Array, "rq zq"] | Float[np.ndarray, "rq zq"]) -> Float[Array, "ez er 9"]:

@@ -4,6 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.sparse
+import scipy.sparse.linalg
 
 from arfjax.mechanics.axisymmetric import (
     STRESS_OVER_STRAIN,
@@ -18,7 +20,7 @@ from arfjax.mechanics.axisymmetric import (
     volume_weights,
     volumetric_stiffness,
 )
-from arfjax.mechanics.mesh import Mesh
+from arfjax.mechanics.mesh import Mesh, Wall, Walls
 from arfjax.numerics.assembly import apply_elements, assemble, constrain, from_blocks, gather, to_blocks
 from arfjax.numerics.block_tridiagonal import factorise, solve
 from tests.mechanics.problems import gaussian_force, small_mesh
@@ -144,3 +146,69 @@ def test_no_locking_near_incompressibility():
     errors = 1.0 - compliance(4, ratios) / compliance(12, ratios)
     assert np.all((errors > 0.0) & (errors < 0.02))
     np.testing.assert_allclose(errors[2:], errors[1], rtol=0.2)
+
+
+CORE, SHELL, PULL = 1.5e-3, 4.2e-3, 0.01
+"""Radius of the core and of the shell around it [m], and the axial strain of both."""
+
+
+def composite_cylinder(core_nu: float, shell_nu: float, core_shear: float, shell_shear: float):
+    """Lame's solution of a core bonded to a shell, both pulled; the outer wall is free.
+
+    Displacement A r in the core and B r + C / r in the shell, which meet with one displacement and one radial stress.
+    """
+
+    def lame(nu, shear):
+        return 2.0 * shear * nu / (1.0 - 2.0 * nu), shear
+
+    (core_l, core_g), (shell_l, shell_g) = lame(core_nu, core_shear), lame(shell_nu, shell_shear)
+    system = np.array(
+        [
+            [CORE, -CORE, -1.0 / CORE],
+            [2.0 * (core_l + core_g), -2.0 * (shell_l + shell_g), 2.0 * shell_g / CORE**2],
+            [0.0, 2.0 * (shell_l + shell_g), -2.0 * shell_g / SHELL**2],
+        ]
+    )
+    scale = np.abs(system).max(axis=1)
+    right_side = PULL * np.array([0.0, shell_l - core_l, -shell_l])
+    a, b, c = np.linalg.solve(system / scale[:, None], right_side / scale)
+    return lambda r: np.where(r <= CORE, a * r, b * r + c / np.maximum(r, CORE))
+
+
+def pulled_error(shell_nu: float, n: int) -> float:
+    """Largest error of the radial displacement, over the largest displacement, with n elements a layer."""
+    walls = Walls(outer=Wall.FREE, bottom=Wall.SLIDING, top=Wall.SLIDING)
+    r_edges = np.concatenate([np.linspace(0.0, CORE, n + 1), np.linspace(CORE, SHELL, n + 1)[1:]])
+    mesh = Mesh(r_edges, np.linspace(0.0, 2e-3, 3), walls)
+    core_nu, shears = 0.3, (3e3, 1e3)
+    inside = jnp.asarray(mesh.gauss_r[:, None] < CORE) & jnp.ones((1, len(mesh.gauss_z)), bool)
+    shear = jnp.where(inside, *shears)
+    bulk = [2.0 * g * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu)) for g, nu in zip(shears, (core_nu, shell_nu), strict=True)]
+    matrices = np.asarray(
+        deviatoric_stiffness(mesh, mesh.element_values(shear))
+        + volumetric_stiffness(mesh, mesh.element_values(jnp.where(inside, *bulk)))
+    ).reshape(-1, 18, 18)
+    shape = (len(mesh.node_z), len(mesh.node_r), 2)
+    number = np.asarray(gather(jnp.arange(float(np.prod(shape))).reshape(shape))).astype(int).reshape(-1, 18)
+    rows, columns = np.repeat(number, 18, axis=1).ravel(), np.tile(number, (1, 18)).ravel()
+    matrix = scipy.sparse.csc_matrix((matrices.ravel(), (rows, columns)))
+    held = np.zeros(shape)
+    held[..., 1] = PULL * mesh.node_z[:, None]
+    moves = np.flatnonzero(mesh.free.ravel())
+    displacement = held.ravel() * (1.0 - mesh.free.ravel())
+    right_side = -(matrix @ displacement)[moves]
+    displacement[moves] = scipy.sparse.linalg.spsolve(matrix[moves][:, moves], right_side)
+    exact = composite_cylinder(core_nu, shell_nu, *shears)(mesh.node_r)
+    ours = displacement.reshape(shape)
+    np.testing.assert_allclose(ours[..., 1], held[..., 1], atol=1e-3 * PULL * 2e-3)  # plane sections stay plane
+    return float(np.max(np.abs(ours[..., 0] - exact[None, :])) / np.max(np.abs(exact)))
+
+
+def test_no_locking_in_a_composite_cylinder():
+    """Lame's exact solution; the shell nears incompressibility, and the error must not grow."""
+    ratios = [0.3, 0.499, 0.49999, 0.4999999]
+    coarse = np.array([pulled_error(nu, 2) for nu in ratios])
+    fine = np.array([pulled_error(nu, 4) for nu in ratios])
+    assert np.all(coarse < 5e-3)
+    assert np.all(coarse[1:] < 3.0 * coarse[0])
+    assert np.all(np.log2(coarse / fine) > 2.7)

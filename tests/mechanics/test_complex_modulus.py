@@ -7,8 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax.mechanics.complex_modulus import complex_modulus, loss_modulus, modulus_magnitude, storage_modulus
-from arfjax.media import FractionalZener, Zener
+from arfjax.mechanics.complex_modulus import (
+    complex_modulus,
+    complex_shear_field,
+    loss_modulus,
+    modulus_magnitude,
+    storage_modulus,
+)
+from arfjax.mechanics.viscoelastic import YoungModulus
+from arfjax.media import Elastic, FractionalKelvinVoigt, FractionalZener, KelvinVoigt, Prony, Zener
 from tests.checks import assert_gradient
 
 ROUNDING = 64.0 * np.finfo(float).eps
@@ -126,3 +133,40 @@ def test_single_precision_and_batches():
         np.testing.assert_allclose(
             row, complex_modulus(FractionalZener(2.0, 9.0, 0.1, float(order)), omega), rtol=1e-14
         )
+
+
+def test_kelvin_voigt_and_spring_pots():
+    omega = np.array([0.0, 3.0, 200.0])
+    np.testing.assert_allclose(complex_modulus(KelvinVoigt(5.0, 0.1), omega), 5.0 + 0.1j * omega)
+    np.testing.assert_allclose(complex_modulus(FractionalKelvinVoigt(5.0, 0.1, 1.0), omega), 5.0 + 0.1j * omega)
+    np.testing.assert_allclose(
+        complex_modulus(FractionalKelvinVoigt(5.0, 2.0, 0.3), omega), 5.0 + 2.0 * (1j * omega) ** 0.3, rtol=1e-14
+    )
+    np.testing.assert_allclose(complex_modulus(Elastic(5.0), omega), np.full(3, 5.0))
+
+
+def test_gradient_in_the_constants_of_the_other_solids():
+    def combined(x):
+        solids = [Elastic(x["elastic"]), KelvinVoigt(*x["viscous"]), FractionalKelvinVoigt(*x["spring-pot"])]
+        moduli = [complex_modulus(each, 7.0) for each in [*solids, Prony(*x["prony"])]]
+        return sum(modulus.real / 3.0 + modulus.imag / 2.0 for modulus in moduli)
+
+    branches = (2.0, jnp.array([1.0, 5.0]), jnp.array([0.1, 0.4]))
+    assert_gradient(combined, {"elastic": 3.0, "viscous": (2.0, 0.3), "spring-pot": (2.0, 0.3, 0.6), "prony": branches})
+    still = jax.grad(lambda order: complex_modulus(FractionalKelvinVoigt(1.0, 2.0, order), 0.0).real)(0.5)
+    assert float(still) == 0.0
+
+
+def test_complex_shear_modulus_of_fields():
+    relaxed = jnp.array([[1e3, 2e3, 3e3], [4e3, 5e3, 6e3]])
+    solids = [
+        FractionalZener(relaxed, 3.0 * relaxed, 1e-6 * relaxed, 0.4),
+        KelvinVoigt(relaxed, 1.0),
+        Prony(relaxed, jnp.stack([relaxed, 2.0 * relaxed]), jnp.stack([1e-6 * relaxed, 1e-7 * relaxed])),
+        Prony(2e3, jnp.array([1e3]), jnp.array([1e-3])),
+        Elastic(2e3),
+    ]
+    for solid in solids:
+        field = complex_shear_field(solid, (2, 3), 300.0, reading=YoungModulus(), poisson_ratio=0.4)
+        one = jax.tree.map(lambda leaf: leaf[..., 0, 1] if jnp.ndim(leaf) > 1 else leaf, solid)
+        np.testing.assert_allclose(field[0, 1], complex_modulus(one, 300.0) / 2.8, rtol=1e-13)

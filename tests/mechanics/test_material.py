@@ -1,13 +1,26 @@
 """The lesion in the liver: where it is, and what the material is there."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from arfjax.errors import InputError
-from arfjax.mechanics.material import ellipsoid_depth, liver_with_lesion
+from arfjax.grid import AxisymmetricGrid
+from arfjax.mechanics.force import total_force
+from arfjax.mechanics.lesion import (
+    Ellipsoid,
+    EllipsoidalLesion,
+    LinearEdge,
+    SharpEdge,
+    averaged_share,
+    coagulated_share,
+)
+from arfjax.mechanics.material import Inclusion, ellipsoid_depth, liver_with_lesion, material_at, material_of
+from arfjax.mechanics.mesh import Mesh
+from arfjax.mechanics.refinement import focused_mesh
 from arfjax.mechanics.viscoelastic import ShearModulus, YoungModulus
-from arfjax.media import FractionalZener, Zener
+from arfjax.media import Elastic, FractionalKelvinVoigt, FractionalZener, KelvinVoigt, Prony, Zener
 from tests.checks import assert_gradient
 
 LIVER, LESION = Zener(1100.0, 2000.0, 0.3), Zener(8.0, 52600.0, 0.7)
@@ -80,3 +93,137 @@ def test_gradient_in_size_and_place():
         return jnp.sum(material.branch_shear_moduli)
 
     assert_gradient(stiffness, jnp.asarray([5e-3, 1.2e-3, 62.5e-3]))
+
+
+MESH = focused_mesh(
+    focus=0.0, radius=4e-3, front=-5e-3, back=5e-3, finest_r=0.1e-3, finest_z=0.2e-3, fine_radius=2e-3, fine_length=6e-3
+)
+GRID = AxisymmetricGrid(np.linspace(0.0, 5e-3, 61), np.linspace(-6e-3, 6e-3, 91))
+
+
+def ellipsoid_share(axial, radial, edge, mesh=MESH):
+    lesion = EllipsoidalLesion(Ellipsoid.of_semi_axes(axial, radial, centre=0.2e-3), edge)
+    return lesion(jnp.asarray(mesh.gauss_r)[:, None], jnp.asarray(mesh.gauss_z)[None, :])
+
+
+def test_length_and_diameter_are_twice_the_semi_axes():
+    as_table = Ellipsoid.of_length_and_diameter(5e-3, 1.2e-3, centre=1e-3)
+    assert as_table == Ellipsoid.of_semi_axes(2.5e-3, 0.6e-3, centre=1e-3)
+    assert float(as_table.relative_radius(np.asarray(0.6e-3), np.asarray(1e-3))) == pytest.approx(1.0)
+    assert float(as_table.relative_radius(np.asarray(0.0), np.asarray(3.5e-3))) == pytest.approx(1.0)
+
+
+def test_distance_from_a_sphere_is_exact_and_from_an_ellipsoid_of_first_order():
+    r, z = np.array([0.3e-3, 1.1e-3, 2.0e-3]), np.array([0.9e-3, -0.2e-3, 1.0e-3])
+    sphere = Ellipsoid.of_semi_axes(1e-3, 1e-3, centre=0.0)
+    np.testing.assert_allclose(sphere.distance(r, z), np.hypot(r, z) - 1e-3, atol=1e-15)
+    angle, away = np.linspace(0.2, 1.3, 5), 1e-6
+    normal = np.stack([np.cos(angle) / 0.6, np.sin(angle) / 2.5])
+    outside = np.stack([0.6e-3 * np.cos(angle), 2.5e-3 * np.sin(angle)]) + away * normal / np.linalg.norm(
+        normal, axis=0
+    )
+    lesion = Ellipsoid.of_semi_axes(2.5e-3, 0.6e-3, centre=0.0)
+    np.testing.assert_allclose(lesion.distance(*outside), away, rtol=1e-2)
+
+
+def test_volumes_of_the_edges():
+    volume = 4.0 / 3.0 * np.pi * 2.5e-3 * 1e-3**2
+    np.testing.assert_allclose(total_force(MESH, ellipsoid_share(2.5e-3, 1e-3, LinearEdge())), volume / 4.0, rtol=1e-3)
+    errors = [
+        abs(float(total_force(MESH, ellipsoid_share(2.5e-3, 1e-3, SharpEdge(width)))) / volume - 1.0)
+        for width in (0.8e-3, 0.4e-3)
+    ]
+    assert errors[1] < 0.03
+    np.testing.assert_allclose(errors[0] / errors[1], 4.0, rtol=0.15)  # the square of the width
+
+
+@pytest.mark.parametrize("edge", [LinearEdge(), SharpEdge(0.3e-3)])
+def test_shape_derivative(edge):
+    """Of the stiffness under a weight, in both semi-axes; the volume's own is known: three of them over the axes."""
+    weight = jnp.asarray(np.exp(-((MESH.gauss_r[:, None] / 1e-3) ** 2) - (MESH.gauss_z[None, :] / 3e-3) ** 2))
+
+    def weighted(axes):
+        return 1e9 * total_force(MESH, weight * ellipsoid_share(axes[0], axes[1], edge))
+
+    assert_gradient(weighted, jnp.array([2.5e-3, 1e-3]), step=1e-6, rtol=1e-4)  # kinks pass Gauss points
+    axes = jnp.array([2.5e-3, 1e-3])
+    plain = lambda axes: total_force(MESH, ellipsoid_share(axes[0], axes[1], edge))  # noqa: E731
+    scaling = float(jnp.sum(jax.grad(plain)(axes) * axes) / plain(axes))
+    np.testing.assert_allclose(scaling, 3.0, rtol=0.02 if isinstance(edge, LinearEdge) else 0.1)
+
+
+def test_no_lesion_has_no_share_and_finite_derivatives():
+    for edge in (LinearEdge(), SharpEdge(0.01e-3)):
+        share = ellipsoid_share(0.0, 0.0, edge)
+        assert float(jnp.max(share)) < 1e-6
+        slope = jax.grad(lambda size, edge=edge: jnp.sum(ellipsoid_share(size, size, edge)))(0.0)
+        assert np.isfinite(slope)
+
+
+def test_share_from_a_dose():
+    r, z = GRID.r[:, None], GRID.z[None, :]
+    dose = 240.0 * np.exp(6.0 * (1.0 - (r / 1e-3) ** 2 - (z / 2.5e-3) ** 2))
+    share = coagulated_share(MESH, GRID, dose, width=0.05)
+    volume = 4.0 / 3.0 * np.pi * 2.5e-3 * 1e-3**2
+    np.testing.assert_allclose(total_force(MESH, share), volume, rtol=0.01)
+    exact = 1.0 / (1.0 + np.exp(-(6.0 / 1.0) * (1.0 - (1.3**2))))
+    mesh = Mesh(np.array([0.0, 2.6e-3]), np.array([-1e-3, 1e-3]))  # a Gauss point at r = 1.3 mm, z = 0
+    np.testing.assert_allclose(coagulated_share(mesh, GRID, dose, width=1.0)[1, 1], exact, rtol=0.02)
+    assert float(jnp.max(coagulated_share(MESH, GRID, 0.0 * dose, width=0.5))) < 1e-20
+    assert_gradient(
+        lambda x: jnp.mean(coagulated_share(MESH, GRID, x["dose"] * dose, threshold=x["at"], width=x["width"])),
+        {"dose": 1.0, "at": 240.0, "width": 0.4},
+    )
+
+
+def test_averaged_share_keeps_the_volume_and_the_bounds():
+    share = np.asarray(np.hypot(GRID.r[:, None] / 1.2e-3, GRID.z[None, :] / 2.5e-3) < 1.0, dtype=float)
+    fine = Mesh(np.linspace(0.0, 4e-3, 49), np.linspace(-5e-3, 5e-3, 76))  # edges of the cells and between
+    volume = float(total_force(fine, averaged_share(fine, GRID, share)))
+    coarse = Mesh(np.linspace(0.0, 4e-3, 4), np.linspace(-5e-3, 5e-3, 6))
+    values = averaged_share(coarse, GRID, share)
+    np.testing.assert_allclose(total_force(coarse, values), volume, rtol=1e-12)
+    assert 0.0 <= float(jnp.min(values)) and float(jnp.max(values)) <= 1.0 + 1e-12
+
+
+def test_closures_on_the_mesh_equal_fields():
+    lesion = EllipsoidalLesion(Ellipsoid.of_length_and_diameter(5e-3, 2e-3, centre=0.2e-3))
+    by_closure = material_at(MESH, Inclusion(LIVER, LESION, lesion), reading=YoungModulus(), **OTHERS)
+    depth = ellipsoid_depth(MESH.gauss_r, MESH.gauss_z, length=5e-3, diameter=2e-3, centre=0.2e-3)
+    by_field = liver_with_lesion(LIVER, LESION, depth, reading=YoungModulus(), **OTHERS)
+    for ours, theirs in zip(jax.tree.leaves(by_closure), jax.tree.leaves(by_field), strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("outside", "inside"),
+    [
+        (Elastic(3e3), Elastic(9e3)),
+        (KelvinVoigt(3e3, 1.0), KelvinVoigt(9e3, 2.0)),
+        (FractionalKelvinVoigt(3e3, 20.0, 0.4), FractionalKelvinVoigt(9e3, 5.0, 0.6)),
+        (
+            Prony(3e3, np.array([1e3, 2e3]), np.array([1e-3, 1e-2])),
+            Prony(9e3, np.array([3e3, 4e3]), np.array([3e-3, 1e-2])),
+        ),
+    ],
+)
+def test_every_solid_makes_a_field(outside, inside):
+    share = jnp.array([[0.0, 0.5, 1.0]])
+    field = liver_with_lesion(outside, inside, share, reading=ShearModulus(), **OTHERS)
+    np.testing.assert_allclose(field.relaxed_shear_modulus, [[3e3, 6e3, 9e3]])
+    for column, solid in ((0, outside), (2, inside)):
+        alone = material_of(solid, (1, 1), reading=ShearModulus(), **OTHERS)
+        np.testing.assert_allclose(field.branch_shear_moduli[:, 0, column], alone.branch_shear_moduli[:, 0, 0])
+        np.testing.assert_allclose(field.relaxation_times[:, 0, column], alone.relaxation_times[:, 0, 0])
+        np.testing.assert_allclose(field.bulk_modulus[0, column], alone.bulk_modulus[0, 0])
+    if isinstance(outside, Prony):
+        np.testing.assert_allclose(field.branch_shear_moduli[:, 0, 1], [2e3, 3e3])
+
+
+def test_nonsense_is_refused():
+    with pytest.raises(InputError, match="Millimetres"):
+        Ellipsoid.of_length_and_diameter(5.0, 1.2, centre=0.0)
+    with pytest.raises(InputError, match="width"):
+        SharpEdge(0.0)
+    with pytest.raises(InputError, match="do not fit the grid"):
+        averaged_share(MESH, GRID, np.zeros((3, 3)))

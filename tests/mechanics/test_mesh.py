@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax.mechanics.mesh import Mesh, Walls, interpolation_weights
+from arfjax.mechanics.mesh import Mesh, Wall, Walls, interpolation_weights
 from tests.mechanics.problems import small_mesh
 
 
@@ -26,7 +26,7 @@ def test_fields_are_sorted_by_elements():
 
 
 def test_walls_hold_what_they_should():
-    free = small_mesh(Walls(outer_fixed=False, bottom_fixed=True, top_fixed=False)).free
+    free = small_mesh(Walls(outer=Wall.FREE, top=Wall.FREE)).free
     assert np.all(free[0] == 0.0) and np.all(free[1:, 0, 0] == 0.0)
     assert np.all(free[1:, 0, 1] == 1.0) and np.all(free[1:, 1:] == 1.0)
     assert np.all(small_mesh().free[:, -1] == 0.0) and np.all(small_mesh().free[-1] == 0.0)
@@ -46,3 +46,10 @@ def test_wrong_edges_and_shapes_are_refused():
         Mesh(np.array([0.0, 1.0]), np.array([1.0, 0.0]))
     with pytest.raises(ValueError, match=r"has shape \(12, 15\)"):
         small_mesh().element_values(np.zeros((15, 12)))
+
+
+def test_sliding_walls_hold_the_normal_component_alone():
+    free = small_mesh(Walls(outer=Wall.SLIDING, bottom=Wall.SLIDING, top=Wall.FREE)).free
+    assert np.all(free[:, -1, 0] == 0.0) and np.all(free[1:, -1, 1] == 1.0)
+    assert np.all(free[0, :, 1] == 0.0) and np.all(free[0, 1:-1, 0] == 1.0)
+    assert np.all(free[-1, :, 1] == 1.0)
