@@ -11,6 +11,7 @@ A step must not be longer than a pressure wave takes across the smallest cell, s
 """
 
 import dataclasses
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -31,10 +32,12 @@ from arfjax.mechanics.explicit_result import ExplicitResult, estimate, no_estima
 from arfjax.mechanics.explicit_settings import ExplicitSettings, longest_stable_step
 from arfjax.mechanics.explicit_stencil import Solid, State, advance, at_rest, internal_force, solid_of, strain_of
 from arfjax.mechanics.viscoelastic import ViscoelasticField
+from arfjax.media import Scalar
 
 _NO_POINTS = np.zeros((0, 2))
 _FIXED = WallConditions()
 
+Course = Float[Array, " time"] | Float[np.ndarray, " time"] | None
 NodalField = Float[Array, "r_node z_node"] | Float[np.ndarray, "r_node z_node"]
 
 
@@ -45,7 +48,7 @@ def solve_push_explicitly(
     *,
     settings: ExplicitSettings,
     radial_force: NodalField | None = None,
-    course: Float[Array, " time"] | Float[np.ndarray, " time"] | None = None,
+    course: Course = None,
     walls: WallConditions = _FIXED,
     damping: DampingLayer | None = None,
     points: Float[np.ndarray, "point 2"] = _NO_POINTS,
@@ -89,17 +92,19 @@ def solve_push_explicitly(
     material = jax.tree.map(lambda leaf: jnp.asarray(leaf, material.density.dtype), material)
     axial, radial = _checked_forces(grid, material, axial_force, radial_force)
     courant_number = _checked_courant_number(grid, material, settings)
-    problem = (walls, damping, points)
-    result = _run(grid, material, (radial, axial), course, settings, *problem)
+    others = {"walls": walls, "damping": damping}
+    result = _run(grid, material, axial, points, settings, radial_force=radial, course=course, **others)
     if not estimate_error:
         return ExplicitResult(**result, convergence=no_estimate(result, courant_number))
     coarse = _run(
         coarsened(grid),
         jax.tree.map(lambda field: coarsened_cells(grid, field), material),
-        (radial[::2, ::2], axial[::2, ::2]),
-        None if course is None else course[::2],
+        axial[::2, ::2],
+        points,
         settings.doubled,
-        *problem,
+        radial_force=radial[::2, ::2],
+        course=None if course is None else course[::2],
+        **others,
     )
     return ExplicitResult(**result, convergence=estimate(result, coarse, courant_number))
 
@@ -144,9 +149,7 @@ def _checked_courant_number(
     return settings.time_step / longest
 
 
-def _time_weights(
-    settings: ExplicitSettings, course: Float[Array, " time"] | Float[np.ndarray, " time"] | None, dtype: jnp.dtype
-) -> Float[Array, " step"]:
+def _time_weights(settings: ExplicitSettings, course: Course, dtype: jnp.dtype) -> Float[Array, " step"]:
     """Means of the time course with the weights of a hat two steps wide about the start of each step.
 
     With them, and at rest at first, a body that nothing holds back is exactly where it should be at every step.
@@ -166,21 +169,37 @@ def _time_weights(
     return jnp.concatenate([first, (course[:-2] + 4.0 * course[1:-1] + course[2:]) / 6.0])
 
 
+def assemble_push(
+    grid: AxisymmetricGrid,
+    material: ViscoelasticField,
+    axial_force: NodalField,
+    *,
+    settings: ExplicitSettings,
+    radial_force: NodalField | None = None,
+    course: Course = None,
+    walls: WallConditions = _FIXED,
+    damping: DampingLayer | None = None,
+) -> tuple[Solid, tuple[Array, Array], Float[Array, " step"]]:
+    """The stencil's constants, the nodal force r, z [N] and its weight in each step; see `solve_push_explicitly`."""
+    layout, dtype = Layout(grid), material.density.dtype
+    axial, radial = _checked_forces(grid, material, axial_force, radial_force)
+    volumes = layout.sum_at_nodes(jnp.asarray(grid.volumes, dtype))
+    force = (radial * volumes).ravel(), (axial * volumes).ravel()
+    solid = solid_of(layout, material, settings.time_step, walls, damping)
+    return solid, force, _time_weights(settings, course, dtype)
+
+
 def _run(
     grid: AxisymmetricGrid,
     material: ViscoelasticField,
-    force_density: tuple[Array, Array],
-    course: Float[Array, " time"] | Float[np.ndarray, " time"] | None,
-    settings: ExplicitSettings,
-    walls: WallConditions,
-    damping: DampingLayer | None,
+    axial_force: NodalField,
     points: Float[np.ndarray, "point 2"],
+    settings: ExplicitSettings,
+    **others: Any,
 ) -> dict[str, Array]:
     # Everything that an `ExplicitResult` holds but its convergence.
     layout, dtype = Layout(grid), material.density.dtype
-    solid = solid_of(layout, material, settings.time_step, walls, damping)
-    volumes = layout.sum_at_nodes(jnp.asarray(grid.volumes, dtype))
-    force = (force_density[0] * volumes).ravel(), (force_density[1] * volumes).ravel()
+    solid, force, weights = assemble_push(grid, material, axial_force, settings=settings, **others)
     observe = _observer(layout, points, dtype)
 
     def step(state: State, weight: Float[Array, ""]) -> tuple[State, tuple[Array, Array]]:
@@ -195,31 +214,29 @@ def _run(
         return state, (axis, at_points, _as_map(layout, state.nodal_displacement(layout.row)))
 
     start = at_rest(solid)
-    weights = _time_weights(settings, course, dtype)
     parts = weights.reshape(settings.n_maps, -1, settings.steps_per_checkpoint)
     final, (axis, at_points, maps) = jax.lax.scan(to_map, start, parts)
-    histories = (
-        jnp.concatenate([first[None], later.reshape(-1, *later.shape[3:])])
+    histories = [
+        jnp.concatenate([first[None], later.reshape(settings.n_steps, *first.shape)])
         for first, later in zip(observe(start), (axis, at_points), strict=True)
-    )
-    axis, at_points = histories
-    at_end = _weight_at_end(settings, course)
+    ]
+    at_end = _weight_at_end(settings, others["course"])
     velocity = _velocity_at_end(solid, final, (at_end * force[0], at_end * force[1]))
     return {
         "time": jnp.asarray(settings.times, dtype),
         "r": jnp.asarray(grid.r_faces, dtype),
         "z": jnp.asarray(grid.z_faces, dtype),
-        "axial_displacement_on_axis": axis,
-        "displacement_at_points": at_points,
+        "axial_displacement_on_axis": histories[0],
+        "displacement_at_points": histories[1],
         "map_time": jnp.asarray(settings.map_times, dtype),
         "maps": maps,
         "velocity": _as_map(layout, velocity),
     }
 
 
-def _weight_at_end(settings: ExplicitSettings, course: Float[Array, " time"] | Float[np.ndarray, " time"] | None):
+def _weight_at_end(settings: ExplicitSettings, course: Course) -> Scalar:
     if course is not None:
-        return course[-1]
+        return jnp.asarray(course)[-1]
     return float(settings.push_duration >= settings.times[-1] * (1.0 - 1e-9))
 
 
