@@ -62,7 +62,7 @@ def solve_push_explicitly(
     go in as `force(*node_positions(grid))` and `modulus(*cell_positions(grid))`.
 
     Args:
-        grid: Cells; sizes may grow away from the focus (`graded_positions`).
+        grid: Cells; sizes may grow away from the focus (`graded_positions`, and `refined` for even numbers of cells).
         material: The solid at the centres of the cells, `grid.r` and `grid.z`. Its type (float32 or float64) is that
             of the run.
         axial_force: Force density along z at the nodes `grid.r_faces`, `grid.z_faces` [N/m^3].
@@ -112,7 +112,18 @@ def solve_push_explicitly(
 def capped_bulk_modulus(material: ViscoelasticField, largest: float) -> ViscoelasticField:
     """The material with a bulk modulus of at most `largest` [Pa]: steps grow with the root of what it is lowered by.
 
-    A push hardly feels it as long as the pressure wave leaves the beam well before the push ends. Measured error.
+    The pressure wave must leave the beam well before the push ends. Measured for a push of 0.5 ms, a beam 0.6 mm wide
+    and 3.8 mm long (1/e) and the Zener solid of the reference (G from 1 to 5 kPa), as a share of the peak, against
+    32 MPa:
+
+    | bulk modulus [kPa] | 8000 | 2000 | 500 | 250 | 125 | 50 | 20 |
+    | --- | --- | --- | --- | --- | --- | --- | --- |
+    | steps of 0.05 mm cells for 1 ms | 2100 | 1060 | 540 | 390 | 290 | 200 | 160 |
+    | focus at 0.5 ms | 0.05 % | 0.14 % | 0.38 % | 0.7 % | 1.3 % | 2.5 % | 3.9 % |
+    | all points, 0.5 ms | 0.09 % | 0.22 % | 0.6 % | 1.1 % | 1.9 % | 3.7 % | 5.8 % |
+    | all points, 1 ms | 0.08 % | 0.19 % | 0.43 % | 0.6 % | 0.9 % | 1.8 % | 4.1 % |
+
+    It is part of the model, not of the discretisation: `convergence` does not see it.
     """
     return dataclasses.replace(material, bulk_modulus=jnp.minimum(material.bulk_modulus, largest))
 

@@ -85,6 +85,13 @@ def cell_positions(grid: AxisymmetricGrid) -> tuple[Float[np.ndarray, "r 1"], Fl
     return grid.r[:, None], grid.z[None, :]
 
 
+def refined(grid: AxisymmetricGrid) -> AxisymmetricGrid:
+    """The grid with each cell cut in four; `coarsened` gives the grid back."""
+    faces = (grid.r_faces, grid.z_faces)
+    r_faces, z_faces = (np.insert(each[1:] - 0.5 * np.diff(each), np.arange(len(each)), each) for each in faces)
+    return AxisymmetricGrid(r_faces, z_faces)
+
+
 def coarsened(grid: AxisymmetricGrid) -> AxisymmetricGrid:
     """The grid of every other face.
 
