@@ -29,12 +29,12 @@ class EnergyBalance(eqx.Module):
         damped: By the damping layer.
     """
 
-    work: Float[Array, " step"]
-    kinetic: Float[Array, " step"]
-    taken_up: Float[Array, " step"]
-    stored: Float[Array, " step"]
-    dissipated: Float[Array, " step"]
-    damped: Float[Array, " step"]
+    work: Float[Array, "*step"]
+    kinetic: Float[Array, "*step"]
+    taken_up: Float[Array, "*step"]
+    stored: Float[Array, "*step"]
+    dissipated: Float[Array, "*step"]
+    damped: Float[Array, "*step"]
 
 
 def energy_balance(

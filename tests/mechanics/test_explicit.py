@@ -83,9 +83,9 @@ def error_at_end(kind: str, result: ExplicitResult) -> float:
 def test_infinite_medium_and_the_estimate_of_the_error(kind):
     result = reference_run(kind, coarsened(beam_grid()))
     error, estimated = error_at_end(kind, result), float(result.convergence.error)
-    assert error < 0.013
+    assert error < 0.02
     assert 0.7 * error < estimated < 1.4 * error
-    assert error_at_end(kind, extrapolated(result)) < 0.0015
+    assert error_at_end(kind, extrapolated(result)) < 0.004
     assert result.convergence.shortcoming(0.02) == ""
     assert "halve" in result.convergence.shortcoming(0.002)
 
