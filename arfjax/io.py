@@ -19,6 +19,7 @@ from arfjax.acoustics.power import power_budget
 from arfjax.acoustics.waveform import peak_pressures, readout, waveform
 from arfjax.grid import AxisymmetricGrid
 from arfjax.laws import SMALLEST_DAMAGE
+from arfjax.protocols.shear_wave import WatchedPush
 from arfjax.protocols.sonication import SonicationResult
 from arfjax.protocols.stepwise import Heating, StepwiseProtocol, StepwiseResult
 from arfjax.thermal.bioheat import TemperatureHistory, focal_temperature, on_axis
@@ -256,6 +257,25 @@ def stepwise_dataset(result: StepwiseResult, protocol: StepwiseProtocol, referen
     push_time = np.linspace(0.0, protocol.push_duration, history.shape[1])
     dataset = labelled(variables, {"step_temperature": temperature, "push_time": push_time})
     dataset.attrs["reference_temperature_degc"] = reference_temperature
+    return dataset
+
+
+def push_dataset(result: WatchedPush, temperature: float) -> xr.Dataset:
+    """Maps of displacement at the times kept, the course at the focus, and when the wave arrives in the focal plane."""
+    variables = {
+        "displacement_map": (("push_time", "r", "z"), np.asarray(result.displacement)),
+        "focal_displacement": (("course_time",), np.asarray(result.focal_displacement)),
+        "shear_wave_arrival": (("r",), np.asarray(result.arrival)),
+    }
+    coordinates = {"push_time": result.time, "course_time": result.focal_time, "r": result.r, "z": result.z}
+    dataset = labelled(variables, {name: np.asarray(values) for name, values in coordinates.items()})
+    dataset.attrs |= {
+        "temperature_degc": temperature,
+        "shear_wave_speed_m_s": float(result.speed),
+        "lesion_length_m": float(result.lesion.length),
+        "lesion_diameter_m": float(result.lesion.diameter),
+        "lesion_centre_m": float(result.lesion.centre),
+    }
     return dataset
 
 

@@ -21,6 +21,8 @@ from arfjax.acoustics.intensity import heat_deposition, radiation_force_density
 from arfjax.laws import extrapolations
 from arfjax.mechanics.dynamics import PushResult, PushSettings, solve_push
 from arfjax.mechanics.material import ellipsoid_depth, liver_with_lesion
+from arfjax.mechanics.mesh import Mesh
+from arfjax.mechanics.viscoelastic import ViscoelasticField
 from arfjax.media import Scalar
 from arfjax.model import Model, TabulatedSize
 from arfjax.numerics.derivatives import forward_by_reverse
@@ -151,12 +153,22 @@ def push(
 ) -> PushResult:
     """One push of liver at `temperature` [degC], with a lesion in it, by a force density [N/m^3] along the axis."""
     mesh = settings.mesh
+    material = push_material(model, temperature, lesion, mesh)
+    n_steps = settings.n_push_steps * max(round(protocol.push_duration / 0.5e-3), 1)
+    steps = PushSettings(
+        time_step=protocol.push_duration / n_steps, n_steps=n_steps, push_duration=protocol.push_duration
+    )
+    return solve_push(mesh, material, force, settings=steps)
+
+
+def push_material(model: Model, temperature: Scalar, lesion: LesionSize, mesh: Mesh) -> ViscoelasticField:
+    """Liver at `temperature` [degC] with a lesion in it, at the mesh's Gauss points."""
     depth = ellipsoid_depth(
         mesh.gauss_r, mesh.gauss_z, length=lesion.length, diameter=lesion.diameter, centre=lesion.centre
     )
     liver = model.liver.viscoelasticity
     assert liver is not None  # `Model` checks it
-    material = liver_with_lesion(
+    return liver_with_lesion(
         liver(temperature),
         model.lesion.viscoelasticity(temperature),
         depth,
@@ -164,11 +176,6 @@ def push(
         reading=model.modulus_reading,
         poisson_ratio=model.poisson_ratio,
     )
-    n_steps = settings.n_push_steps * max(round(protocol.push_duration / 0.5e-3), 1)
-    steps = PushSettings(
-        time_step=protocol.push_duration / n_steps, n_steps=n_steps, push_duration=protocol.push_duration
-    )
-    return solve_push(mesh, material, force, settings=steps)
 
 
 def run_stepwise(

@@ -9,6 +9,7 @@ from inverse.commands.calibrate import calibrate
 from inverse.commands.field import field_command
 from inverse.commands.fit_dma import fit_dma
 from inverse.commands.fit_heating import fit_heating_command
+from inverse.commands.push import push_command
 from inverse.commands.reproduce import reproduce
 from inverse.commands.simulate import simulate
 from inverse.commands.sonicate import sonicate_command
@@ -23,6 +24,7 @@ app = typer.Typer(
 )
 app.command()(simulate)
 app.command("field")(field_command)
+app.command("push")(push_command)
 app.command("sonicate")(sonicate_command)
 app.command()(calibrate)
 app.command("fit-dma")(fit_dma)
