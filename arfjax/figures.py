@@ -215,6 +215,53 @@ def draw_displacement(dataset: xr.Dataset) -> Figure:
     return figure
 
 
+def draw_push(dataset: xr.Dataset, model: Model, *, push_duration: float) -> Figure:
+    """Maps of displacement at four times with the lesion's outline, the course at the focus, the wave running out."""
+    figure = new_figure(10.5, 6.4)
+    top, bottom = figure.subfigures(2, 1, height_ratios=[1.3, 1.0])
+    time, focus = dataset["push_time"].to_numpy(), float(model.bowl.focal_length)
+    for chart, at in zip(top.subplots(1, 4, sharey=True), _telling_times(time, push_duration), strict=True):
+        _draw_frame(chart, dataset.sel(push_time=at, method="nearest"), focus)
+    course, running = bottom.subplots(1, 2)
+    course.plot(1e3 * dataset["course_time"], 1e6 * dataset["focal_displacement"], color=COLOURS[0])
+    course.axvspan(0.0, 1e3 * push_duration, color="0.92", zorder=0)
+    tidy(course, x="time [ms]", y="displacement [µm]", title="at the geometric focus; shaded: the push")
+    plane = dataset["displacement_map"].sel(z=focus, method="nearest").to_numpy()
+    r, arrived = 1e3 * dataset["r"].to_numpy(), np.isfinite(dataset["shear_wave_arrival"].to_numpy())
+    largest = np.maximum(np.abs(plane).max(axis=0), 1e-30)
+    if arrived.any():  # beyond, the largest is none of the wave's
+        largest[np.flatnonzero(arrived)[-1] :] = largest[arrived][-1]
+    relative = plane / largest
+    shown = running.pcolormesh(1e3 * time, r, relative.T, cmap="RdBu_r", vmin=-1.0, vmax=1.0, shading="gouraud")
+    bottom.colorbar(shown, ax=running, label="displacement / largest at r (followed)")
+    running.plot(1e3 * dataset["shear_wave_arrival"], r, color="black", linewidth=1.2)
+    speed = dataset.attrs["shear_wave_speed_m_s"]
+    told = f"black: arrival, {speed:.2f} m/s" if np.isfinite(speed) else "no wave has passed"
+    tidy(running, x="time [ms]", y="radial distance r [mm]", title=f"in the focal plane; {told}")
+    return figure
+
+
+def _telling_times(time: np.ndarray, push_duration: float) -> np.ndarray:
+    """The end of the push, and three times at which the wave has run on."""
+    return push_duration + (time[-1] - push_duration) * np.array([0.0, 0.15, 0.4, 0.8])
+
+
+def _draw_frame(chart: Axes, frame: xr.Dataset, focus: float) -> None:
+    z, both, values = _mirrored(frame, "displacement_map")
+    largest = max(1e6 * np.abs(values).max(), 1e-12)
+    shown = chart.pcolormesh(
+        both, z - 1e3 * focus, 1e6 * values.T, cmap="RdBu_r", vmin=-largest, vmax=largest, shading="gouraud"
+    )
+    chart.figure.colorbar(shown, ax=chart, orientation="horizontal", label="[µm]", ticks=MaxNLocator(3))
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    across, along = 500.0 * frame.attrs["lesion_diameter_m"], 500.0 * frame.attrs["lesion_length_m"]
+    centre = 1e3 * (frame.attrs["lesion_centre_m"] - focus)
+    if across > 0.0:
+        chart.plot(across * np.cos(turn), centre + along * np.sin(turn), color="black", linewidth=1.0)
+    chart.set_aspect("equal")
+    tidy(chart, x="r [mm]", y="z - focus [mm]", title=f"t = {1e3 * float(frame['push_time']):.2f} ms")
+
+
 def draw_temperature_maps(dataset: xr.Dataset, model: Model, times: list[float]) -> Figure:
     """Temperature at some times [s], with the contour of the lethal dose in white."""
     figure = new_figure(9.6, 2.2 + 1.9 * (len(times) > 3))

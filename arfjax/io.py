@@ -66,6 +66,8 @@ VARIABLES = {
     "lesion_volume": ("m3", "volume of the lesion"),
     "field_updates": ("1", "how often the sound field had been computed again"),
     "focal_displacement": ("m", "displacement at the geometric focus during the push"),
+    "displacement_map": ("m", "displacement along the push"),
+    "shear_wave_arrival": ("s", "time since the start of the push at which displacement in the focal plane is largest"),
     "displacement": ("m", "displacement at the geometric focus at the end of the push"),
     "displacement_percent": ("percent", "displacement normalised to the reference temperature"),
     "sonication_time": ("s", "time at which the sonication reaches the step's temperature"),
@@ -85,6 +87,7 @@ COORDINATES = {
     "heat_z": ("m", "axial distance of the heat grid's cells"),
     "heating_time": ("s", "time since the start of the sonication"),
     "push_time": ("s", "time since the start of the push"),
+    "course_time": ("s", "time since the start of the push, of the course at the focus"),
     "step_temperature": ("degC", "temperature of liver and focus in each step"),
 }
 """Standard names of the coordinates: unit and long name."""

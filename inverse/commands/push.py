@@ -114,7 +114,7 @@ def _results(data: xr.Dataset) -> dict[str, dict[str, Any]]:
         "displacement": quantity(float(course[end]), "m"),
         "largest_displacement": quantity(float(course[highest]), "m"),
         "time_of_largest": quantity(float(time[highest]), "s"),
-        "shear_wave_speed": quantity(float(speed) if np.isfinite(speed) else None, "m s-1"),
+        "shear_wave_speed": {"value": float(speed) if np.isfinite(speed) else None, "unit": "m s-1"},
         "followed_to": quantity(reached, "m"),
         "lesion_length": quantity(data.attrs["lesion_length_m"], "m"),
         "lesion_diameter": quantity(data.attrs["lesion_diameter_m"], "m"),
@@ -125,8 +125,8 @@ def _report(described: Experiment, data: xr.Dataset, figures: list[str], notes: 
     lines = [
         f"# {described.title}: one push",
         "",
-        f"A push of {1e3 * data.attrs['push_duration_s']:g} ms by {data.attrs['acoustic_power_w']:g} W of acoustic power "
-        f"at {data.attrs['temperature_degc']:g} degC.",
+        f"A push of {1e3 * data.attrs['push_duration_s']:g} ms by {data.attrs['acoustic_power_w']:g} W of acoustic "
+        f"power at {data.attrs['temperature_degc']:g} degC.",
         "",
         "| quantity | value |",
         "| --- | ---: |",

@@ -141,6 +141,21 @@ def assert_refused(capfd, tmp_path, arguments, *, names=""):
     return message
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "cause"),
+    [
+        ("--temperature-c", "90", "--temperature-c must lie between 35 and 70 degC"),
+        ("--temperature-c", "nan", "--temperature-c must lie between"),
+        ("--watch-ms", "0.1", "--watch-ms must be 0.5 (the push)"),
+        ("--watch-ms", "nan", "--watch-ms must be"),
+        ("--watch-ms", "1000", "to 50 ms"),
+    ],
+)
+def test_push_options(capfd, tmp_path, option, value, cause):
+    experiment = place(tmp_path / "e.toml", EXAMPLE)
+    assert cause in assert_refused(capfd, tmp_path, ["push", experiment, option, value])
+
+
 @pytest.mark.parametrize("content", BAD_DMA.values(), ids=BAD_DMA.keys())
 def test_fit_dma(capfd, tmp_path, content):
     data = place(tmp_path / "measured.csv", content)

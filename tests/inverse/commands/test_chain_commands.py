@@ -45,6 +45,21 @@ def test_simulate(tmp_path, capfd):
     assert "displacement" in capfd.readouterr().out
 
 
+def test_push(tmp_path, capfd):
+    """At 65 degC, watched for 5 ms: the wave gets 3 mm out, and the files hold what the summary says."""
+    assert run(["push", EXPERIMENT, "--temperature-c", "65", "--watch-ms", "5", "--out", str(tmp_path)]) == 0
+    results = summary_of(tmp_path)["results"]
+    assert results["shear_wave_speed"]["value"] == pytest.approx(0.8, rel=0.1)
+    assert 2e-3 < results["followed_to"]["value"] < 5e-3
+    with xr.open_dataset(tmp_path / "push.nc", engine="h5netcdf") as data:
+        for name in (*data.data_vars, *data.coords):
+            assert data[name].attrs["units"] == (VARIABLES | COORDINATES)[name][0]
+        assert data.attrs["temperature_degc"] == 65.0
+        assert float(data["focal_displacement"].max()) == pytest.approx(results["largest_displacement"]["value"])
+    assert (tmp_path / "push.png").stat().st_size > 10_000 and (tmp_path / "push.pdf").exists()
+    assert "shear wave" in capfd.readouterr().out
+
+
 def test_sonicate(tmp_path, capfd):
     """13 W for 60 s: a lesion, larger and hotter than with the field of the start, and files that others open."""
     assert run(["sonicate", EXPERIMENT, "--out", str(tmp_path / "updated")]) == 0
