@@ -137,8 +137,7 @@ def watch_push(
     )
     steps = _steps(protocol.push_duration, watch)
     r = np.linspace(0.0, watch.radius, round(watch.radius / watch.element) + 1)
-    inside = (mesh.node_z >= settings.focus - watch.half_length) & (mesh.node_z <= settings.focus + watch.half_length)
-    z = mesh.node_z[inside][::2]
+    z = mesh.z_edges[np.abs(mesh.z_edges - settings.focus) <= watch.half_length * (1.0 + 1e-9)]
     points = np.stack([each.ravel() for each in np.meshgrid(r, z, indexing="ij")], axis=1)
     in_plane = np.stack([r, np.full_like(r, settings.focus)], axis=1)
     result = solve_push(

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax import InputError, discretise, read_experiment, run_stepwise, simulate_heating
+from arfjax import Heating, InputError, discretise, read_experiment, run_stepwise, simulate_heating
 from arfjax.protocols.shear_wave import WatchSettings, watch_mesh, watch_push
 
 EXPERIMENT = Path(__file__).parents[2] / "examples" / "suomi2016.toml"
@@ -20,9 +20,13 @@ def watched():
     model, protocol = described.model(), described.stepwise()
     settings = discretise(model, refinement=0.7)
     heating = eqx.filter_jit(lambda model: simulate_heating(model, protocol, settings))(model)
-    run = eqx.filter_jit(lambda model: watch_push(model, 40.0, protocol, settings, heating=heating, watch=WATCH))
-    steps = eqx.filter_jit(lambda model: run_stepwise(model, jnp.asarray([40.0]), protocol, settings, heating=heating))
-    return model, protocol, run(model), steps(model)
+    degrees = jnp.asarray(40.0)  # traced: the lesion's law would warn, and there is no lesion
+
+    def run(model, degrees):
+        result = watch_push(model, degrees, protocol, settings, heating=heating, watch=WATCH)
+        return result, run_stepwise(model, degrees[None], protocol, settings, heating=heating)
+
+    return model, protocol, *eqx.filter_jit(run)(model, degrees)
 
 
 @pytest.mark.slow
@@ -76,12 +80,7 @@ def test_what_cannot_be_followed_is_refused(changes):
 def test_a_push_longer_than_it_is_followed_is_refused():
     described = read_experiment(EXPERIMENT)
     model, protocol = described.model(), described.stepwise()
+    settings, watch = discretise(model, refinement=0.5), WatchSettings(duration=0.2e-3)
+    nothing = Heating(*(jnp.zeros(1),) * 2, *(jnp.zeros((1, 1, 1)),) * 2, jnp.zeros(()))
     with pytest.raises(InputError, match="longer than it is watched"):
-        watch_push(
-            model,
-            40.0,
-            protocol,
-            discretise(model, refinement=0.5),
-            heating=None,
-            watch=WatchSettings(duration=0.2e-3),
-        )
+        watch_push(model, 40.0, protocol, settings, heating=nothing, watch=watch)
