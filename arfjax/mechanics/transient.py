@@ -12,6 +12,7 @@ the same march, forward or backward in time, turns that into a change of motion.
 
 import functools
 import math
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -191,20 +192,10 @@ def march(mesh: Mesh, scheme: Scheme, solid: Solid, factor: Factor, loads: Loads
     Differentiability: forward and reverse, any number of times, in solid and loads. Memory in reverse mode: four
         histories (step, node), and the state at the Gauss points about 2 sqrt(step) times.
     """
-    shape = loads.jump.shape
 
     @jax.custom_jvp
     def solved(solid: Solid, factor: Factor, loads: Loads) -> History:
-        jump = kinematics(mesh, loads.jump).motion
-
-        def step(state: _State, load: tuple[Array, Array]) -> tuple[_State, Array]:
-            force, times = load
-            state = _struck(state, times * jump)
-            missing = force - _balance(mesh, scheme, solid, state, _unmoved(scheme, solid, state))
-            change = solve(factor, missing.ravel()).reshape(shape)
-            return _advanced(mesh, scheme, solid, state, change), change
-
-        return jax.lax.scan(step, _at_rest(solid), (loads.balance, loads.jumps))[1]
+        return _steps(mesh, scheme, solid, factor, loads)
 
     @solved.defjvp
     def _derivative(primals: tuple, tangents: tuple) -> tuple[History, History]:
@@ -216,10 +207,42 @@ def march(mesh: Mesh, scheme: Scheme, solid: Solid, factor: Factor, loads: Loads
             return loads.balance - _residual(mesh, scheme, solid, loads, changes)
 
         missing = jax.jvp(imbalance, (solid, loads), (solid_change, loads_change))[1]
-        silent = Loads(missing, jnp.zeros_like(loads.jumps), jnp.zeros_like(loads.jump))
-        return changes, solved(solid, factor, silent)
+        return changes, _linear_march(mesh, scheme, solid, factor, missing)
 
     return solved(solid, factor, loads)
+
+
+def _steps(mesh: Mesh, scheme: Scheme, solid: Solid, factor: Factor, loads: Loads) -> History:
+    jump = kinematics(mesh, loads.jump).motion
+
+    def step(state: _State, load: tuple[Array, Array]) -> tuple[_State, Array]:
+        force, times = load
+        state = _struck(state, times * jump)
+        missing = force - _balance(mesh, scheme, solid, state, _unmoved(scheme, solid, state))
+        change = solve(factor, missing.ravel()).reshape(missing.shape)
+        return _advanced(mesh, scheme, solid, state, change), change
+
+    return jax.lax.scan(step, _at_rest(solid), (loads.balance, loads.jumps))[1]
+
+
+def _linear_march(mesh: Mesh, scheme: Scheme, solid: Solid, factor: Factor, balance: History) -> History:
+    """The motion that these forces in the balance of the steps cause.
+
+    What a motion in one step does to the balance of a later one depends on the steps between them alone, by a symmetric
+    matrix. So the whole system is symmetric once its rows are taken backward in time, and its transpose is the same
+    march.
+    """
+
+    def without_jumps(history: History) -> Loads:
+        return Loads(history, jnp.zeros(len(history), history.dtype), jnp.zeros_like(history[0]))
+
+    def backward_rows(changes: History) -> History:
+        return _residual(mesh, scheme, solid, without_jumps(changes), changes)[::-1]
+
+    def forward(_: Callable, forces: History) -> History:
+        return _steps(mesh, scheme, solid, factor, without_jumps(forces[::-1]))
+
+    return jax.lax.custom_linear_solve(backward_rows, balance[::-1], forward, symmetric=True)
 
 
 def _residual(mesh: Mesh, scheme: Scheme, solid: Solid, loads: Loads, changes: History) -> History:

@@ -1,11 +1,11 @@
-"""Gathering, scattering and assembling against dense loops."""
+"""Gathering and scattering against loops, elements against the assembled matrix."""
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax.numerics.assembly import apply_elements, assemble, constrain, from_blocks, gather, scatter, to_blocks
-from tests.numerics.test_block_tridiagonal import dense
+from arfjax.numerics.assembly import apply_elements, gather, scatter
+from arfjax.numerics.sparse_direct import Pattern
 
 N_Z, N_R = 3, 2
 RNG = np.random.default_rng(0)
@@ -35,12 +35,12 @@ def test_scatter_is_the_transpose_of_gather():
 
 
 @pytest.mark.parametrize("n_components", [1, 2])
-def test_the_assembled_matrix_acts_like_its_elements(n_components):
+def test_elements_act_like_the_assembled_matrix(n_components):
     matrices, values = element_matrices(9 * n_components), nodal(n_components)
-    matrix = assemble(matrices)
-    product = from_blocks(matrix.multiply(to_blocks(values)), n_components)
-    np.testing.assert_allclose(product, apply_elements(matrices, values), rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(dense(matrix), dense(matrix).T, rtol=1e-13)
+    numbers = gather(jnp.arange(values.size, dtype=float).reshape(values.shape)).astype(int)
+    pattern = Pattern.of_elements(np.asarray(numbers).reshape(N_Z * N_R, -1), values.size)
+    product = pattern.multiply(pattern.assemble(matrices.reshape(N_Z * N_R, *matrices.shape[2:])), values.ravel())
+    np.testing.assert_allclose(apply_elements(matrices, values).ravel(), product, rtol=1e-12, atol=1e-12)
 
 
 def test_one_matrix_can_act_on_each_component():
@@ -49,12 +49,3 @@ def test_one_matrix_can_act_on_each_component():
     for component in range(2):
         alone = apply_elements(matrices, values[..., component, None])
         np.testing.assert_allclose(both[..., component, None], alone, rtol=1e-12, atol=1e-12)
-
-
-def test_constrained_rows_become_those_of_the_identity():
-    matrix = assemble(element_matrices(18))
-    free = np.asarray(RNG.integers(0, 2, size=(2 * N_Z + 1, 2 * N_R + 1, 2)), dtype=float)
-    mask = np.asarray(to_blocks(jnp.asarray(free)))
-    keep = mask.ravel()
-    expected = dense(matrix) * keep[:, None] * keep[None, :] + np.diag(1.0 - keep)
-    np.testing.assert_allclose(dense(constrain(matrix, jnp.asarray(mask))), expected)
