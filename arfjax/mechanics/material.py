@@ -168,9 +168,7 @@ def liver_with_lesion(
     )
 
 
-def _mixed_constant(
-    outside: _Constant, inside: _Constant, share: Float[Array, "rq zq"]
-) -> Float[Array, "..."]:
+def _mixed_constant(outside: _Constant, inside: _Constant, share: Float[Array, "rq zq"]) -> Float[Array, "..."]:
     first, second = jnp.asarray(outside, dtype=float), jnp.asarray(inside, dtype=float)
     if first.ndim == 1:  # branches of a Prony series
         first, second = first[:, None, None], second[:, None, None]
