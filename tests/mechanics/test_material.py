@@ -185,9 +185,9 @@ def dose(grid: AxisymmetricGrid) -> np.ndarray:
 
 
 def test_share_from_a_dose():
-    """Second order in the cells; linear interpolation of the logarithm L lies below it, by $h^2 |L''| / 12$ in the mean.
+    """Second order in the cells: a linear interpolant of the logarithm L lies $h^2 |L''| / 12$ below it in the mean.
 
-    The volume of the ellipsoid goes with $(6 + L)^{3/2}$, so that the error is known beforehand.
+    Where L is lower by d the ellipsoid has the volume $(1 - d / 6)^{3/2}$, so that the error is known beforehand.
     """
     width, errors, expected = 0.5, [], []
     volume = 4.0 / 3.0 * np.pi * 2.5e-3 * 1e-3**2
