@@ -23,7 +23,7 @@ from jaxtyping import Array, Complex, Float, Inexact
 from arfjax.errors import InputError
 from arfjax.grid import graded_positions
 from arfjax.mechanics.axisymmetric import STRESS_OVER_STRAIN, strain_matrices, volume_weights
-from arfjax.mechanics.mesh import N_GAUSS, Mesh, Walls
+from arfjax.mechanics.mesh import N_GAUSS, Mesh, Wall, Walls
 from arfjax.numerics.elements import linear_pressure, product, quadratic
 from arfjax.numerics.quadrature import gauss_legendre
 
@@ -174,9 +174,9 @@ def stretched(mesh: Mesh, layer: AbsorbingLayer | None) -> StretchedMesh:
     bottom = layer.beyond(mesh.z_edges[1] - mesh.z_edges[0]) if layer.bottom else none
     top = layer.beyond(mesh.z_edges[-1] - mesh.z_edges[-2]) if layer.top else none
     walls = Walls(
-        layer.outer or mesh.walls.outer_fixed,
-        layer.bottom or mesh.walls.bottom_fixed,
-        layer.top or mesh.walls.top_fixed,
+        Wall.FIXED if layer.outer else mesh.walls.outer,
+        Wall.FIXED if layer.bottom else mesh.walls.bottom,
+        Wall.FIXED if layer.top else mesh.walls.top,
     )
     z_edges = np.concatenate([mesh.z_edges[0] - bottom[::-1], mesh.z_edges, mesh.z_edges[-1] + top])
     whole = Mesh(np.concatenate([mesh.r_edges, mesh.r_edges[-1] + outer]), z_edges, walls)

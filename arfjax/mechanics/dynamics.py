@@ -13,9 +13,10 @@ import math
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from arfjax.errors import InputError
 from arfjax.mechanics.axisymmetric import load
@@ -133,7 +134,7 @@ def solve_push(
         InputError: if a field does not have the shape of the grid of Gauss points or `amplitude` not that of the times.
 
     Accuracy: second order in the time step, third in the element size (displacement). NaN if the solid is not stable
-        (a modulus, relaxation time or density that is not positive).
+        (a modulus, relaxation time or density that is not positive, branches that together make energy).
     Differentiability: in the material, the force and the amplitude, forward and reverse. A gradient takes one march
         backward in time with the factors of the march forward. Memory in reverse mode: five numbers for each node
         displacement and step, and the state at the Gauss points about 2 sqrt(steps) times.
@@ -156,10 +157,25 @@ def solve_push(
 
 
 def _nan_unless_stable(material: ViscoelasticField) -> Float[Array, ""]:
-    positive = [
-        jnp.all(field > 0.0) for field in (material.density, material.bulk_modulus, material.relaxation_times)
-    ] + [jnp.all(field >= 0.0) for field in (material.relaxed_shear_modulus, material.branch_shear_moduli)]
-    return jnp.where(jnp.all(jnp.stack(positive)), 1.0, jnp.nan)
+    solid = jax.lax.stop_gradient(material)
+    stable = [jnp.all(field > 0.0) for field in (solid.density, solid.bulk_modulus, solid.relaxation_times)]
+    stable.append(jnp.all(solid.relaxed_shear_modulus >= 0.0))
+    stable.append(_never_makes_energy(solid.branch_shear_moduli, solid.relaxation_times))
+    return jnp.where(jnp.all(jnp.stack(stable)), 1.0, jnp.nan)
+
+
+def _never_makes_energy(moduli: Float[Array, "branch rq zq"], times: Float[Array, "branch rq zq"]) -> Bool[Array, ""]:
+    """Whether the loss modulus is nowhere negative at any branch's relaxation frequency, nor far below or above all.
+
+    A branch alone may be negative: one of the pair that stands for a viscosity is.
+    """
+
+    def lossy(time: Float[Array, "rq zq"]) -> Bool[Array, ""]:
+        turn = times / time[None]
+        return jnp.all(jnp.sum(moduli * turn / (1.0 + turn**2), axis=0) >= 0.0)
+
+    at_the_ends = [jnp.all(jnp.sum(each, axis=0) >= 0.0) for each in (moduli * times, moduli / times)]
+    return jnp.all(jax.lax.map(lossy, times)) & at_the_ends[0] & at_the_ends[1]
 
 
 def _ends_of_steps(amplitude: Amplitude | None, settings: PushSettings) -> Float[Array, "step 2"]:

@@ -24,6 +24,8 @@ SolidAt = Callable[[Points, Points], Solid]
 
 A number stands for a constant that is the same everywhere; so `lambda r, z: KelvinVoigt(2e3, 1.0)` is one too."""
 
+_Constant = Scalar | Float[Array, "..."] | Float[np.ndarray, "..."]
+
 
 class Inclusion(eqx.Module):
     """A material that goes from one solid to another of its kind with a share that a closure on (r, z) gives.
@@ -166,9 +168,7 @@ def liver_with_lesion(
     )
 
 
-def _mixed_constant(
-    outside: Scalar | Float[Array, "..."], inside: Scalar | Float[Array, "..."], share: Float[Array, "rq zq"]
-) -> Float[Array, "..."]:
+def _mixed_constant(outside: _Constant, inside: _Constant, share: Float[Array, "rq zq"]) -> Float[Array, "..."]:
     first, second = jnp.asarray(outside, dtype=float), jnp.asarray(inside, dtype=float)
     if first.ndim == 1:  # branches of a Prony series
         first, second = first[:, None, None], second[:, None, None]

@@ -12,7 +12,7 @@ from arfjax.errors import InputError
 from arfjax.mechanics.absorbing import AbsorbingLayer, stretched
 from arfjax.mechanics.harmonic import layer_error, power_balance, solve_harmonic
 from arfjax.mechanics.harmonic_material import HarmonicField, shear_wavelength
-from arfjax.mechanics.mesh import Mesh, Walls
+from arfjax.mechanics.mesh import Mesh, Wall, Walls
 from tests.mechanics.unbounded import UnboundedMedium
 
 WIDTH, DENSITY, FREQUENCY = 2e-3, 1000.0, 50.0
@@ -139,6 +139,15 @@ def test_without_stretch_a_layer_is_more_tissue():
     ours, wide = jax.jit(lambda: (motion(mesh, force, layer), motion(whole, padded, None)))()
     expected = wide[: len(mesh.node_r), : len(mesh.node_z)]
     np.testing.assert_allclose(ours, expected, rtol=0.0, atol=1e-9 * float(jnp.max(jnp.abs(expected))))
+
+
+def test_walls_without_a_layer_keep_their_kind():
+    walls = Walls(outer=Wall.SLIDING, bottom=Wall.FREE, top=Wall.SLIDING)
+    mesh = Mesh(1e-3 * np.linspace(0.0, 4.0, 3), 1e-3 * np.linspace(-4.0, 4.0, 4), walls)
+    for side in ("outer", "bottom", "top"):
+        layer = AbsorbingLayer(**{name: name == side for name in ("outer", "bottom", "top")})
+        kinds = {name: Wall.FIXED if name == side else getattr(walls, name) for name in ("outer", "bottom", "top")}
+        assert stretched(mesh, layer).mesh.walls == Walls(**kinds)
 
 
 def test_no_sides_no_layer():

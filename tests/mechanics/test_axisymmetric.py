@@ -178,11 +178,11 @@ def composite_cylinder(core_nu: float, shell_nu: float, core_shear: float, shell
     scale = np.abs(system).max(axis=1)
     right_side = PULL * np.array([0.0, shell_l - core_l, -shell_l])
     a, b, c = np.linalg.solve(system / scale[:, None], right_side / scale)
-    return lambda r: np.where(r <= CORE, a * r, b * r + c / np.maximum(r, CORE))
+    return lambda r: np.where(r <= CORE, a * r, b * r + c / np.maximum(r, CORE)), abs(c) / CORE
 
 
 def pulled_error(shell_nu: float, n: int) -> float:
-    """Largest error of the radial displacement, over the largest displacement, with n elements a layer."""
+    """Largest nodal error of the radial displacement, over the part of it that is no polynomial: C / r at the core."""
     walls = Walls(outer=Wall.FREE, bottom=Wall.SLIDING, top=Wall.SLIDING)
     r_edges = np.concatenate([np.linspace(0.0, CORE, n + 1), np.linspace(CORE, SHELL, n + 1)[1:]])
     mesh = Mesh(r_edges, np.linspace(0.0, 2e-3, 3), walls)
@@ -204,17 +204,20 @@ def pulled_error(shell_nu: float, n: int) -> float:
     displacement = held.ravel() * (1.0 - mesh.free.ravel())
     right_side = -(matrix @ displacement)[moves]
     displacement[moves] = scipy.sparse.linalg.spsolve(matrix[moves][:, moves], right_side)
-    exact = composite_cylinder(core_nu, shell_nu, *shears)(mesh.node_r)
+    exact, beyond_polynomials = composite_cylinder(core_nu, shell_nu, *shears)
     ours = displacement.reshape(shape)
-    np.testing.assert_allclose(ours[..., 1], held[..., 1], atol=1e-3 * PULL * 2e-3)  # plane sections stay plane
-    return float(np.max(np.abs(ours[..., 0] - exact[None, :])) / np.max(np.abs(exact)))
+    np.testing.assert_allclose(ours[..., 1], held[..., 1], atol=1e-6 * PULL * 2e-3)  # plane sections stay plane
+    return float(np.max(np.abs(ours[..., 0] - exact(mesh.node_r)[None, :])) / beyond_polynomials)
 
 
 def test_no_locking_in_a_composite_cylinder():
-    """Lame's exact solution; the shell nears incompressibility, and the error must not grow."""
-    ratios = [0.3, 0.499, 0.49999, 0.4999999]
+    """Lame's exact solution: the error must not change as the shell nears incompressibility.
+
+    In one dimension (radius alone) quadratic elements gave 2.23e-4 to 2.26e-4 with two elements a layer for all these
+    ratios, the fourth order of nodal values being reached from there on (3.4, 3.8, 3.9); third is that of the element.
+    """
+    ratios = [0.45, 0.499, 0.49999, 0.4999999]
     coarse = np.array([pulled_error(nu, 2) for nu in ratios])
     fine = np.array([pulled_error(nu, 4) for nu in ratios])
-    assert np.all(coarse < 5e-3)
-    assert np.all(coarse[1:] < 3.0 * coarse[0])
-    assert np.all(np.log2(coarse / fine) > 2.7)
+    np.testing.assert_allclose(coarse, 2.25e-4, rtol=0.02)
+    assert np.all(np.log2(coarse / fine) > 3.0)
