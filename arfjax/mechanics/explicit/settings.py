@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
-from arfjax.mechanics.explicit_grid import Layout
+from arfjax.mechanics.explicit.grid import Layout
 from arfjax.mechanics.viscoelastic import ViscoelasticField
 
 

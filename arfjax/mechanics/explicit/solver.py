@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
-from arfjax.mechanics.explicit_grid import (
+from arfjax.mechanics.explicit.grid import (
     DampingLayer,
     Layout,
     WallConditions,
@@ -28,9 +28,9 @@ from arfjax.mechanics.explicit_grid import (
     coarsened_cells,
     cubic_weights,
 )
-from arfjax.mechanics.explicit_result import ExplicitResult, estimate, no_estimate
-from arfjax.mechanics.explicit_settings import ExplicitSettings, longest_stable_step
-from arfjax.mechanics.explicit_stencil import Solid, State, advance, at_rest, internal_force, solid_of, strain_of
+from arfjax.mechanics.explicit.result import ExplicitResult, estimate, no_estimate
+from arfjax.mechanics.explicit.settings import ExplicitSettings, longest_stable_step
+from arfjax.mechanics.explicit.stencil import Solid, State, advance, at_rest, internal_force, solid_of, strain_of
 from arfjax.mechanics.viscoelastic import ViscoelasticField
 from arfjax.media import Scalar
 

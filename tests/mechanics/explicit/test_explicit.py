@@ -11,9 +11,9 @@ import pytest
 
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
-from arfjax.mechanics.explicit import assemble_push, capped_bulk_modulus, solve_push_explicitly
-from arfjax.mechanics.explicit_energy import EnergyBalance, energy_balance
-from arfjax.mechanics.explicit_grid import (
+from arfjax.mechanics.explicit.solver import assemble_push, capped_bulk_modulus, solve_push_explicitly
+from arfjax.mechanics.explicit.energy import EnergyBalance, energy_balance
+from arfjax.mechanics.explicit.grid import (
     DampingLayer,
     Layout,
     Wall,
@@ -22,9 +22,9 @@ from arfjax.mechanics.explicit_grid import (
     coarsened,
     node_positions,
 )
-from arfjax.mechanics.explicit_result import ExplicitResult, extrapolated
-from arfjax.mechanics.explicit_settings import ExplicitSettings, explicit_settings, longest_stable_step
-from arfjax.mechanics.explicit_stencil import at_rest, internal_force, solid_of, strain_of
+from arfjax.mechanics.explicit.result import ExplicitResult, extrapolated
+from arfjax.mechanics.explicit.settings import ExplicitSettings, explicit_settings, longest_stable_step
+from arfjax.mechanics.explicit.stencil import at_rest, internal_force, solid_of, strain_of
 from arfjax.mechanics.viscoelastic import Prony, ShearModulus, ViscoelasticField, viscoelastic_field
 from tests.checks import assert_gradient_of_each_leaf, assert_order
 from tests.mechanics.problems import Reference

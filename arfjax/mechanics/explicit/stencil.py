@@ -1,4 +1,4 @@
-r"""One step of the explicit scheme, on the flat arrays of `explicit_grid.Layout`.
+r"""One step of the explicit scheme, on the flat arrays of `explicit.grid.Layout`.
 
 Stress and strain are those in the middle of a cell; arrays of cells hold stress times volume. Each branch keeps
 
@@ -13,7 +13,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from arfjax.mechanics.explicit_grid import DampingLayer, Layout, WallConditions
+from arfjax.mechanics.explicit.grid import DampingLayer, Layout, WallConditions
 from arfjax.mechanics.viscoelastic import ViscoelasticField
 
 
