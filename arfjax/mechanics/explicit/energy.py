@@ -115,7 +115,7 @@ class _Branches:
         decrement = time_step / material.relaxation_times
         self.gain = layout.cells(2.0 * volumes * material.branch_shear_moduli * -jnp.expm1(-decrement) / decrement)
         stiffness = 2.0 * volumes * material.branch_shear_moduli
-        exists = stiffness > 0.0
+        exists = stiffness != 0.0
         self.compliance = layout.cells(jnp.where(exists, 1.0 / jnp.where(exists, stiffness, 1.0), 0.0))
         self.rate = layout.cells(1.0 / material.relaxation_times)
 

@@ -147,8 +147,9 @@ def _trace(layout: Layout) -> tuple[Float[np.ndarray, "r z"], Float[np.ndarray, 
     dilatation, shape = 0.0, 0.0
     for share, side in ((1.0 - layout.outer_share, -1.0), (layout.outer_share, 1.0)):
         inertia = 4.0 / share  # volume of the cell over that of a node's part, times two nodes
-        squares = across_r**2 + across_ring**2 + across_z**2
-        divergence = (side * across_r + across_ring) ** 2 + across_z**2
+        along_z = 2.0 * share * across_z
+        squares = across_r**2 + across_ring**2 + along_z**2
+        divergence = (side * across_r + across_ring) ** 2 + along_z**2
         dilatation = dilatation + inertia * divergence
         engineering_shear = across_r**2 + across_z**2
         deviator = 2.0 * (squares - divergence / 3.0) + engineering_shear + hourglass_r + hourglass_z
