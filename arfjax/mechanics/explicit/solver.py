@@ -1,8 +1,8 @@
 r"""Motion under radiation force by an explicit scheme: one small stencil, many short steps, no matrix.
 
 Quadrilaterals with a bilinear displacement, mass lumped at the nodes, strains taken at the middle of a cell, where the
-dilatation is the mean one: $\nabla \cdot u$ is the flux through the rings and discs of a cell over its volume, so that
-a nearly incompressible solid does not lock. What the middle of a cell does not see (the hourglass) is held by the
+dilatation is the mean one: $\nabla \cdot u$ is the flux through the rings and discs of a cell over its volume (through a
+disc with the nodes' shares of the mass as weights), so that a nearly incompressible solid does not lock. What the middle of a cell does not see (the hourglass) is held by the
 stiffness that exact integration of the deviator would give it. Central differences in time; each branch of the
 relaxation is advanced by the exact exponential for a strain that is linear within a step.
 
@@ -64,7 +64,7 @@ def solve_push_explicitly(
     Args:
         grid: Cells; sizes may grow away from the focus (`graded_positions`, and `refined` for even numbers of cells).
         material: The solid at the centres of the cells, `grid.r` and `grid.z`. Its type (float32 or float64) is that
-            of the run.
+            of the run. Branches may be negative, as in the pair that stands for a viscosity.
         axial_force: Force density along z at the nodes `grid.r_faces`, `grid.z_faces` [N/m^3].
         settings: Steps, duration of the push, maps.
         radial_force: Force density along r at the nodes [N/m^3]; none if not given.
