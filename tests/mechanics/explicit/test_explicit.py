@@ -11,9 +11,9 @@ import pytest
 
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
-from arfjax.mechanics.explicit import assemble_push, capped_bulk_modulus, solve_push_explicitly
-from arfjax.mechanics.explicit_energy import EnergyBalance, energy_balance
-from arfjax.mechanics.explicit_grid import (
+from arfjax.mechanics.dynamics import PushSettings, solve_push
+from arfjax.mechanics.explicit.energy import EnergyBalance, energy_balance
+from arfjax.mechanics.explicit.grid import (
     DampingLayer,
     Layout,
     Wall,
@@ -22,10 +22,19 @@ from arfjax.mechanics.explicit_grid import (
     coarsened,
     node_positions,
 )
-from arfjax.mechanics.explicit_result import ExplicitResult, extrapolated
-from arfjax.mechanics.explicit_settings import ExplicitSettings, explicit_settings, longest_stable_step
-from arfjax.mechanics.explicit_stencil import at_rest, internal_force, solid_of, strain_of
-from arfjax.mechanics.viscoelastic import Prony, ShearModulus, ViscoelasticField, viscoelastic_field
+from arfjax.mechanics.explicit.result import ExplicitResult, extrapolated
+from arfjax.mechanics.explicit.settings import ExplicitSettings, explicit_settings, longest_stable_step
+from arfjax.mechanics.explicit.solver import assemble_push, capped_bulk_modulus, solve_push_explicitly
+from arfjax.mechanics.explicit.stencil import at_rest, internal_force, solid_of, strain_of
+from arfjax.mechanics.mesh import Mesh
+from arfjax.mechanics.viscoelastic import (
+    Prony,
+    ShearModulus,
+    ViscoelasticField,
+    prony_of_kelvin_voigt,
+    viscoelastic_field,
+)
+from arfjax.media import KelvinVoigt
 from tests.checks import assert_gradient_of_each_leaf, assert_order
 from tests.mechanics.problems import Reference
 
@@ -79,21 +88,31 @@ def error_at_end(kind: str, result: ExplicitResult) -> float:
     return float(np.max(np.abs(difference)) / np.max(np.abs(stored)))
 
 
+@functools.cache
+def coarse_run(kind: str) -> ExplicitResult:
+    return reference_run(kind, coarsened(beam_grid()))
+
+
 @pytest.mark.parametrize("kind", ["elastic", "zener", "fzener"])
 def test_infinite_medium_and_the_estimate_of_the_error(kind):
-    result = reference_run(kind, coarsened(beam_grid()))
+    result = coarse_run(kind)
     error, estimated = error_at_end(kind, result), float(result.convergence.error)
-    assert error < 0.02
+    left = error_at_end(kind, extrapolated(result))
+    print(f"{kind}: error {error:.3e}, estimated {estimated:.3e}, extrapolated {left:.3e}")
+    assert estimated < 0.02
     assert 0.7 * error < estimated < 1.4 * error
-    assert error_at_end(kind, extrapolated(result)) < 0.004
+    assert left < 0.3 * estimated
     assert result.convergence.shortcoming(0.02) == ""
     assert "halve" in result.convergence.shortcoming(0.002)
 
 
+@pytest.mark.slow
 def test_second_order_in_space_and_time_and_fourth_when_extrapolated():
     grids = [coarsened(coarsened(beam_grid())), coarsened(beam_grid()), beam_grid()]
     results = [reference_run("elastic", grid, courant_number=0.8) for grid in grids]
-    assert_order([4.0, 2.0, 1.0], [error_at_end("elastic", result) for result in results], order=2.0)
+    errors = [error_at_end("elastic", result) for result in results]
+    print("errors", errors, "extrapolated", [error_at_end("elastic", extrapolated(result)) for result in results])
+    assert_order([4.0, 2.0, 1.0], errors, order=2.0)
     assert error_at_end("elastic", extrapolated(results[-1])) < 1.5e-4
 
 
@@ -185,7 +204,8 @@ def standing_wave(n_z: int) -> float:
     )(material)
     end = np.asarray(result.maps)[-1]
     exact = force / (1e3 * (number * speed) ** 2) * (1.0 - np.cos(number * speed * 4e-4))
-    assert np.max(np.abs(end[..., 0])) < 1e-9 * np.max(exact), np.max(np.abs(end[..., 0])) / np.max(exact)
+    assert np.max(np.abs(end[..., 0])) < 1e-12 * np.max(exact)
+    assert np.max(np.ptp(end[..., 1], axis=0)) < 1e-12 * np.max(exact)
     return float(np.max(np.abs(end[..., 1] - exact)) / np.max(exact))
 
 
@@ -294,7 +314,7 @@ def test_walls_hold_what_they_should():
 
 
 def test_smooth_on_the_axis():
-    result = reference_run("elastic", coarsened(beam_grid()))
+    result = coarse_run("elastic")
     end, r = np.asarray(result.maps)[-1, :, 22], np.asarray(result.r)
     assert np.all(np.isfinite(result.maps)) and np.all(end[0] == [0.0, end[0, 1]])
     # Axial displacement is even in r: the quadratic in r^2 through the first nodes meets the fourth.
@@ -303,23 +323,24 @@ def test_smooth_on_the_axis():
 
 
 def test_a_damping_layer_keeps_waves_from_coming_back():
-    small = AxisymmetricGrid(np.linspace(0.0, 6e-3, 25), np.linspace(-6e-3, 6e-3, 37))
-    large = AxisymmetricGrid(np.linspace(0.0, 12e-3, 49), np.linspace(-12e-3, 12e-3, 73))
-    layer = DampingLayer.against(np.sqrt((2e4 + 4e3) / 1e3), width=2.5e-3)
-    maps = []
+    """Layers of two wave lengths; the walls of the large grid are too far for anything to come back."""
+    small = AxisymmetricGrid(np.linspace(0.0, 12e-3, 31), np.linspace(-12e-3, 12e-3, 61))
+    large = AxisymmetricGrid(np.linspace(0.0, 24e-3, 61), np.linspace(-24e-3, 24e-3, 121))
+    layer = DampingLayer.against(np.sqrt((4e3 + 4e3) / 1e3), width=6e-3)
+    settings, histories = ExplicitSettings(8e-5, 150, 4e-4), []
     for grid, damping in ((large, None), (small, None), (small, layer)):
         one, none = jnp.ones(grid.shape), jnp.zeros((0, *grid.shape))
-        material = ViscoelasticField(1e3 * one, 2e4 * one, 3e3 * one, none, none)
+        material = ViscoelasticField(1e3 * one, 4e3 * one, 3e3 * one, none, none)
         r, z = node_positions(grid)
         force = 1e4 * np.exp(-((r**2 + z**2) / 1e-6))
-        settings = explicit_settings(grid, material, end=3.5e-3, push_duration=4e-4)
         solve = jax.jit(
             functools.partial(solve_push_explicitly, grid, settings=settings, damping=damping, estimate_error=False)
         )
-        maps.append(np.asarray(solve(material, force).maps)[-1])
-    near, focus = np.s_[:9, 12:25, 1], np.s_[:9, 30:43, 1]
-    reflected, absorbed = (np.max(np.abs(each[near] - maps[0][focus])) for each in maps[1:])
-    assert absorbed < 0.2 * reflected
+        middle = grid.shape[1] // 2
+        histories.append(np.asarray(solve(material, force).axial_displacement_on_axis)[:, middle - 10 : middle + 11])
+    reflected, absorbed = (np.max(np.abs(each - histories[0])) for each in histories[1:])
+    print("peak", np.max(histories[0]), "reflected", reflected, "with a layer", absorbed)
+    assert absorbed < 0.1 * reflected
 
 
 def test_limits_of_the_relaxation_time():
@@ -341,6 +362,7 @@ def test_second_order_in_time_with_branches_and_a_layer():
     material = uneven_material(small_grid(), bulk_modulus=2e4)
     maps = [run(material, settings=ExplicitSettings(4.8e-4 / n, n, 3.1e-4)).maps[-1] for n in (24, 48, 96)]
     changes = [float(jnp.linalg.norm((maps[i] - maps[i + 1]).ravel())) for i in (0, 1)]
+    print("changes", changes, "of", float(jnp.linalg.norm(maps[2].ravel())))
     assert changes[1] < 1e-3 * float(jnp.linalg.norm(maps[2].ravel()))
     assert_order([2.0, 1.0], changes, order=2.0)
 
@@ -407,6 +429,50 @@ def test_the_longest_step_is_safe_and_not_much_too_short(bulk_modulus, slack):
     longest = 2.0 / np.sqrt(np.max(np.linalg.eigvals(np.asarray(matrix)).real))
     ours = float(longest_stable_step(grid, material))
     assert longest / slack < ours <= longest * (1.0 + 1e-12)
+
+
+def test_a_kelvin_voigt_push_agrees_with_the_implicit_solver():
+    """To the discretisation error that the run itself estimates; without the viscosity it is far off."""
+    z_nodes = np.linspace(-6.4e-3, 6.4e-3, 33)
+    grid = AxisymmetricGrid(np.linspace(0.0, 4e-3, 21), z_nodes)
+    mesh = Mesh(np.linspace(0.0, 4e-3, 11), z_nodes[::2])
+    viscous, elastic = (
+        prony_of_kelvin_voigt(KelvinVoigt(2e3, viscosity), shortest_time=2e-5) for viscosity in (0.5, 0.0)
+    )
+    constants = {"density": 1e3, "bulk_modulus": 2e4, "reading": ShearModulus(), "poisson_ratio": 0.5}
+    solid = viscoelastic_field(viscous, grid.shape, **constants)
+    assert float(jnp.min(solid.branch_shear_moduli)) < 0.0
+    unrelaxed = solid.relaxed_shear_modulus + jnp.sum(solid.branch_shear_moduli, axis=0)
+    stiff = dataclasses.replace(
+        solid, relaxed_shear_modulus=unrelaxed, branch_shear_moduli=0.0 * solid.relaxation_times
+    )
+    longest = float(longest_stable_step(grid, solid))
+    np.testing.assert_allclose(longest, longest_stable_step(grid, stiff), rtol=1e-12)
+
+    def shape(r, z):
+        return 1e5 * np.exp(-((r / 0.8e-3) ** 2) - (z / 2e-3) ** 2)
+
+    settings = explicit_settings(grid, solid, end=5e-4, push_duration=5e-4)
+    push = jax.jit(functools.partial(solve_push_explicitly, grid, settings=settings))
+    results = [
+        push(viscoelastic_field(prony, grid.shape, **constants), shape(*node_positions(grid)))
+        for prony in (viscous, elastic)
+    ]
+    found = solve_push(
+        mesh,
+        viscoelastic_field(viscous, (len(mesh.gauss_r), len(mesh.gauss_z)), **constants),
+        shape(mesh.gauss_r[:, None], mesh.gauss_z[None, :]),
+        settings=PushSettings(1e-5, 50),
+    )
+    expected = np.asarray(found.axial_displacement_on_axis)[-1]
+    ours, without = (
+        np.max(np.abs(np.asarray(result.axial_displacement_on_axis)[-1] - expected)) / np.max(expected)
+        for result in results
+    )
+    estimated = float(results[0].convergence.error)
+    print(f"Kelvin-Voigt: {settings.n_steps} steps, {ours:.2e}, estimated {estimated:.2e}, elastic {without:.2e}")
+    assert ours < 1.4 * estimated < 0.05
+    assert without > 5.0 * ours
 
 
 def test_unstable_steps_are_refused_or_flagged():

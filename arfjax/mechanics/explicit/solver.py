@@ -1,10 +1,11 @@
 r"""Motion under radiation force by an explicit scheme: one small stencil, many short steps, no matrix.
 
 Quadrilaterals with a bilinear displacement, mass lumped at the nodes, strains taken at the middle of a cell, where the
-dilatation is the mean one: $\nabla \cdot u$ is the flux through the rings and discs of a cell over its volume, so that
-a nearly incompressible solid does not lock. What the middle of a cell does not see (the hourglass) is held by the
-stiffness that exact integration of the deviator would give it. Central differences in time; each branch of the
-relaxation is advanced by the exact exponential for a strain that is linear within a step.
+dilatation is the mean one: $\nabla \cdot u$ is the flux through the rings and discs of a cell over its volume (through
+a disc with the nodes' shares of the mass as weights), so that a nearly incompressible solid does not lock. What the
+middle of a cell does not see (the hourglass) is held by the stiffness that exact integration of the deviator would give
+it. Central differences in time; each branch of the relaxation is advanced by the exact exponential for a strain that is
+linear within a step.
 
 A step must not be longer than a pressure wave takes across the smallest cell, so that a large bulk modulus costs steps
 (`capped_bulk_modulus`). Pure elementwise JAX: for sweeps, posteriors and accelerators, in float64 and in float32.
@@ -20,7 +21,7 @@ from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
-from arfjax.mechanics.explicit_grid import (
+from arfjax.mechanics.explicit.grid import (
     DampingLayer,
     Layout,
     WallConditions,
@@ -28,9 +29,9 @@ from arfjax.mechanics.explicit_grid import (
     coarsened_cells,
     cubic_weights,
 )
-from arfjax.mechanics.explicit_result import ExplicitResult, estimate, no_estimate
-from arfjax.mechanics.explicit_settings import ExplicitSettings, longest_stable_step
-from arfjax.mechanics.explicit_stencil import Solid, State, advance, at_rest, internal_force, solid_of, strain_of
+from arfjax.mechanics.explicit.result import ExplicitResult, estimate, no_estimate
+from arfjax.mechanics.explicit.settings import ExplicitSettings, longest_stable_step
+from arfjax.mechanics.explicit.stencil import Solid, State, advance, at_rest, internal_force, solid_of, strain_of
 from arfjax.mechanics.viscoelastic import ViscoelasticField
 from arfjax.media import Scalar
 
@@ -64,7 +65,7 @@ def solve_push_explicitly(
     Args:
         grid: Cells; sizes may grow away from the focus (`graded_positions`, and `refined` for even numbers of cells).
         material: The solid at the centres of the cells, `grid.r` and `grid.z`. Its type (float32 or float64) is that
-            of the run.
+            of the run. Branches may be negative, as in the pair that stands for a viscosity.
         axial_force: Force density along z at the nodes `grid.r_faces`, `grid.z_faces` [N/m^3].
         settings: Steps, duration of the push, maps.
         radial_force: Force density along r at the nodes [N/m^3]; none if not given.

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
-from arfjax.mechanics.explicit_grid import Layout
+from arfjax.mechanics.explicit.grid import Layout
 from arfjax.mechanics.viscoelastic import ViscoelasticField
 
 
@@ -105,7 +105,7 @@ def explicit_settings(
         raise InputError(f"the material gives a longest stable step of {longest} s: check moduli and density.")
     fewest = math.ceil(end / (courant_number * longest) / n_maps * (1.0 - 1e-12))
     stretch, n_steps = _even_stretches(fewest)
-    return ExplicitSettings(end / (n_maps * n_steps), n_maps * n_steps, push_duration, n_maps, stretch)
+    return ExplicitSettings(float(end) / (n_maps * n_steps), n_maps * n_steps, float(push_duration), n_maps, stretch)
 
 
 def _even_stretches(fewest: int) -> tuple[int, int]:
@@ -124,6 +124,7 @@ def longest_stable_step(grid: AxisymmetricGrid, material: ViscoelasticField) -> 
     It is about $h / c_p$ with $1 / h^2 = 1 / \Delta r^2 + 1 / \Delta z^2$ of the smallest cell and the speed
     $c_p = \sqrt{(K + 4 G / 3) / \rho}$ of the pressure wave when nothing has relaxed yet; somewhat less at the axis.
     The bound adds the frequencies (squared) of change of volume and of shape: nearly exact when nearly incompressible.
+    Branches count with their sign: the pair that stands for a viscosity $\eta$ adds $1.5 \eta$ over its shorter time.
     """
     return 2.0 / jnp.sqrt(jnp.max(_squared_frequency(grid, material)))
 
@@ -147,8 +148,9 @@ def _trace(layout: Layout) -> tuple[Float[np.ndarray, "r z"], Float[np.ndarray, 
     dilatation, shape = 0.0, 0.0
     for share, side in ((1.0 - layout.outer_share, -1.0), (layout.outer_share, 1.0)):
         inertia = 4.0 / share  # volume of the cell over that of a node's part, times two nodes
-        squares = across_r**2 + across_ring**2 + across_z**2
-        divergence = (side * across_r + across_ring) ** 2 + across_z**2
+        along_z = 2.0 * share * across_z
+        squares = across_r**2 + across_ring**2 + along_z**2
+        divergence = (side * across_r + across_ring) ** 2 + along_z**2
         dilatation = dilatation + inertia * divergence
         engineering_shear = across_r**2 + across_z**2
         deviator = 2.0 * (squares - divergence / 3.0) + engineering_shear + hourglass_r + hourglass_z

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from arfjax.grid import AxisymmetricGrid
-from arfjax.mechanics.explicit import assemble_push
-from arfjax.mechanics.explicit_grid import Layout
-from arfjax.mechanics.explicit_settings import ExplicitSettings
-from arfjax.mechanics.explicit_stencil import Solid, State, Strain, advance, at_rest, internal_force, strain_of
+from arfjax.mechanics.explicit.grid import Layout
+from arfjax.mechanics.explicit.settings import ExplicitSettings
+from arfjax.mechanics.explicit.solver import assemble_push
+from arfjax.mechanics.explicit.stencil import Solid, State, Strain, advance, at_rest, internal_force, strain_of
 from arfjax.mechanics.viscoelastic import ViscoelasticField
 
 
@@ -115,7 +115,7 @@ class _Branches:
         decrement = time_step / material.relaxation_times
         self.gain = layout.cells(2.0 * volumes * material.branch_shear_moduli * -jnp.expm1(-decrement) / decrement)
         stiffness = 2.0 * volumes * material.branch_shear_moduli
-        exists = stiffness > 0.0
+        exists = stiffness != 0.0
         self.compliance = layout.cells(jnp.where(exists, 1.0 / jnp.where(exists, stiffness, 1.0), 0.0))
         self.rate = layout.cells(1.0 / material.relaxation_times)
 

@@ -72,7 +72,7 @@ class DampingLayer(eqx.Module):
             raise InputError(
                 f"need `wave_speed` > 0 and `reflection` between 0 and 1, got {wave_speed} m/s and {reflection}."
             )
-        return cls(width, 3.0 * wave_speed * float(np.log(1.0 / reflection)) / width)
+        return cls(float(width), float(3.0 * wave_speed * np.log(1.0 / reflection) / width))
 
 
 def node_positions(grid: AxisymmetricGrid) -> tuple[Float[np.ndarray, "r 1"], Float[np.ndarray, "1 z"]]:

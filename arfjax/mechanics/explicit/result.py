@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from arfjax.mechanics.explicit_grid import cubic_weights
+from arfjax.mechanics.explicit.grid import cubic_weights
 from arfjax.media import Scalar
 
 
