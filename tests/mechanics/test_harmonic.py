@@ -16,7 +16,7 @@ from arfjax.mechanics.axisymmetric import load
 from arfjax.mechanics.complex_modulus import complex_modulus
 from arfjax.mechanics.dynamics import PushSettings, solve_push
 from arfjax.mechanics.harmonic import power_balance, solve_harmonic
-from arfjax.mechanics.harmonic_material import HarmonicField, harmonic_field, zener_field
+from arfjax.mechanics.harmonic_material import HarmonicField, harmonic_field, solid_field
 from arfjax.mechanics.mesh import Mesh, Walls
 from arfjax.mechanics.viscoelastic import ShearModulus, YoungModulus, prony_of_fractional_zener, viscoelastic_field
 from arfjax.media import FractionalZener, Zener
@@ -73,7 +73,7 @@ def reference_error(finest_r: float, finest_z: float, coarsest: float, layer: Ab
     r = graded_positions(0.0, 11e-3, 0.0, finest=finest_r, growth=1.2, coarsest=coarsest)
     z = graded_positions(-12e-3, 12e-3, 0.0, finest=finest_z, growth=1.2, coarsest=coarsest)
     mesh = Mesh(r, z)
-    material = zener_field(
+    material = solid_field(
         FractionalZener(c["G0"], c["G0"] + c["dG"], c["tau"], c["beta"]),
         (len(mesh.gauss_r), len(mesh.gauss_z)),
         density=c["rho"],
@@ -203,13 +203,13 @@ def test_one_material_serves_transient_and_harmonic_runs():
     mesh, omega = small_mesh(), 2.0 * np.pi * 50.0
     settings = {"density": 1e3, "bulk_modulus": 1e6, "reading": YoungModulus(), "poisson_ratio": 0.49}
     solid = FractionalZener(500.0, 1e4, 2e-3, 0.4)
-    exact = harmonic_field(zener_field(solid, (12, 15), **settings), omega)
+    exact = harmonic_field(solid_field(solid, (12, 15), **settings), omega)
     np.testing.assert_allclose(exact.shear_modulus, complex_modulus(solid, omega) / 2.98, rtol=1e-13)
     sum_of_exponentials = viscoelastic_field(prony_of_fractional_zener(solid, n_branches=24), (12, 15), **settings)
     np.testing.assert_allclose(harmonic_field(sum_of_exponentials, omega).shear_modulus, exact.shear_modulus, rtol=2e-3)
     field = uneven_material(mesh, n_branches=1)
     relaxed, branch, time = field.relaxed_shear_modulus, field.branch_shear_moduli[0], field.relaxation_times[0]
-    conventional = zener_field(
+    conventional = solid_field(
         Zener(relaxed, relaxed + branch, time), (12, 15), **settings | {"reading": ShearModulus()}
     )
     for frequency in (0.0, 1e-3, 1.0, 1e3, 1e9, 1e200):
@@ -226,7 +226,7 @@ def test_gradient():
     waves = uneven_material(mesh)
     ripple = waves.bulk_modulus / 5e5
     start = {
-        "solid": zener_field(
+        "solid": solid_field(
             FractionalZener(800.0 * ripple, 6e3 / ripple, 2e-3 * ripple, 0.5 * ripple),
             shape,
             density=waves.density,

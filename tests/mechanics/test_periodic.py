@@ -35,7 +35,7 @@ def motion(
             material,
             small_force(mesh),
             frequency=frequency,
-            modulation=kind(share),
+            modulation=modulation_type(share),
             n_harmonics=n_harmonics,
             with_offset=True,
             layer=None,
