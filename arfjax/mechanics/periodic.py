@@ -102,7 +102,8 @@ def solve_periodic(
     Accuracy: that of `solve_harmonic` for each harmonic; elements must resolve the waves of the last one that counts.
         The result bounds what the harmonics left out could change (`left_out`), as if the motion per force fell with
         the square of their number from the last one on, as it does where inertia rules, and all added up: for square
-        modulation at 50 Hz in liver the bound was two to fifteen times the actual change of the peak-to-peak.
+        modulation at 50 Hz in liver (duty 0.1 to 0.5, 3 to 31 harmonics) the bound was 1.5 to 16 times the change
+        of the peak-to-peak, on a mesh that did not resolve the waves of harmonics from the ninth on.
     Differentiability: in material, force, frequency and depth of the modulation, forward and reverse; `left_out` is
         held.
     """
