@@ -22,14 +22,14 @@ from jaxtyping import Array, Complex, Float, Inexact
 
 from arfjax.errors import InputError
 from arfjax.grid import graded_positions
-from arfjax.mechanics.axisymmetric import STRESS_OVER_STRAIN, strain_matrices, volume_weights
+from arfjax.mechanics.axisymmetric import (
+    deviatoric_stiffness_of,
+    mass_of,
+    strain_matrices,
+    volume_weights,
+    volumetric_stiffness_of,
+)
 from arfjax.mechanics.mesh import N_GAUSS, Mesh, Wall, Walls
-from arfjax.numerics.elements import linear_pressure, product, quadratic
-from arfjax.numerics.quadrature import gauss_legendre
-
-_POINTS, _ = gauss_legendre(N_GAUSS)
-DEVIATOR = np.eye(4) - np.outer([1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0]) / 3.0
-"""Takes the volumetric part out of a strain rr, zz, tt, rz."""
 
 Field = Inexact[Array, "rq zq"] | Inexact[np.ndarray, "rq zq"]
 
@@ -186,27 +186,14 @@ def stretched(mesh: Mesh, layer: AbsorbingLayer | None) -> StretchedMesh:
 def dynamic_stiffness(
     space: StretchedMesh,
     density: Float[Array, "ez er 9"],
-    bulk_modulus: Inexact[Array, "ez er 9"],
+    bulk_modulus: Float[Array, "ez er 9"],
     shear_modulus: Complex[Array, "ez er 9"],
     angular_frequency: Float[Array, ""],
 ) -> Complex[Array, "ez er 18 18"]:
     """Complex symmetric matrix [N/m] of each element: stiffness less inertia, the linear pressure condensed."""
     weights, basis = space.volume_weights(), space.strain_matrices()
-    shape_change = jnp.einsum("cd,zrgdi->zrgci", DEVIATOR, basis)
-    stress = (shear_modulus * weights)[..., None] * STRESS_OVER_STRAIN[None, None, None, :]
-    deviatoric = jnp.einsum("zrgci,zrgcj->zrij", shape_change * stress[..., None], shape_change)
-    pressure = linear_pressure(_POINTS, _POINTS)
-    coupling = jnp.einsum("zrg,gp,zrgi->zrpi", weights, pressure, jnp.sum(basis[:, :, :, :3], axis=3))
-    compliance = jnp.einsum("zrg,gp,gq->zrpq", weights / bulk_modulus, pressure, pressure)
-    volumetric = jnp.einsum("zrpi,zrpq,zrqj->zrij", coupling, _inverse(compliance), coupling)
-    values = product(quadratic(_POINTS), quadratic(_POINTS))
-    inertia = jnp.einsum("zrg,gi,gj->zrij", angular_frequency**2 * density * weights, values, values)
+    inertia = mass_of(angular_frequency**2 * density * weights)
     both = jnp.einsum("zrij,cd->zricjd", inertia, jnp.eye(2, dtype=inertia.dtype))
-    return deviatoric + volumetric - both.reshape(deviatoric.shape)
-
-
-def _inverse(matrices: Complex[Array, "*element 3 3"]) -> Complex[Array, "*element 3 3"]:
-    """Inverse of symmetric 3 x 3 matrices by cofactors: the compliance of an element is far from singular."""
-    rows = [matrices[..., i, :] for i in range(3)]
-    cofactors = jnp.stack([jnp.cross(rows[1], rows[2]), jnp.cross(rows[2], rows[0]), jnp.cross(rows[0], rows[1])], -2)
-    return cofactors / jnp.sum(cofactors[..., 0, :] * rows[0], axis=-1)[..., None, None]
+    stiffness = deviatoric_stiffness_of(basis, shear_modulus * weights)
+    stiffness = stiffness + volumetric_stiffness_of(basis, weights, bulk_modulus)
+    return stiffness - both.reshape(stiffness.shape)

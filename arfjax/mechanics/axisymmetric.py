@@ -13,7 +13,7 @@ functions that users meet take and give fields in the order r, z.
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Inexact
 
 from arfjax.mechanics.mesh import N_GAUSS, Mesh
 from arfjax.numerics.assembly import apply_elements, scatter
@@ -54,7 +54,7 @@ def strains(mesh: Mesh, displacement: Float[Array, "ez er 9 2"]) -> Float[Array,
     return jnp.stack([along_r[..., 0], along_z[..., 1], hoop, along_z[..., 0] + along_r[..., 1]], axis=-1)
 
 
-def deviator(strain: Float[Array, "*point 4"]) -> Float[Array, "*point 4"]:
+def deviator(strain: Inexact[Array, "*point 4"]) -> Inexact[Array, "*point 4"]:
     """The strain without its volumetric part."""
     third = jnp.sum(strain[..., :3], axis=-1, keepdims=True) / 3.0
     return strain - jnp.concatenate([third, third, third, jnp.zeros_like(third)], axis=-1)
@@ -70,25 +70,63 @@ def strain_matrices(mesh: Mesh) -> Float[Array, "ez er 9 4 18"]:
 
 def mass_matrices(mesh: Mesh, density: Float[Array, "ez er 9"]) -> Float[Array, "ez er 9 9"]:
     """Consistent mass of each element [kg], the same for both components."""
-    values = _shape_values()
-    return jnp.einsum("zrg,gi,gj->zrij", density * volume_weights(mesh), values, values)
+    return mass_of(density * volume_weights(mesh))
 
 
 def deviatoric_stiffness(mesh: Mesh, shear_modulus: Float[Array, "ez er 9"]) -> Float[Array, "ez er 18 18"]:
     """Element stiffness [N/m] against change of shape."""
-    basis = jnp.moveaxis(deviator(jnp.moveaxis(strain_matrices(mesh), -1, 0)), 0, -1)
-    weights = (shear_modulus * volume_weights(mesh))[..., None] * STRESS_OVER_STRAIN[None, None, None, :]
-    return jnp.einsum("zrgci,zrgcj->zrij", basis * weights[..., None], basis)
+    return deviatoric_stiffness_of(strain_matrices(mesh), shear_modulus * volume_weights(mesh))
 
 
 def volumetric_stiffness(mesh: Mesh, bulk_modulus: Float[Array, "ez er 9"]) -> Float[Array, "ez er 18 18"]:
     """Element stiffness [N/m] against change of volume, the linear pressure condensed."""
-    weights = volume_weights(mesh)
+    return volumetric_stiffness_of(strain_matrices(mesh), volume_weights(mesh), bulk_modulus)
+
+
+def mass_of(masses: Inexact[Array, "ez er 9"]) -> Inexact[Array, "ez er 9 9"]:
+    """Consistent mass of each element from the mass [kg] of each Gauss point."""
+    values = _shape_values()
+    return jnp.einsum("zrg,gi,gj->zrij", masses, values, values)
+
+
+def deviatoric_stiffness_of(
+    basis: Inexact[Array, "ez er 9 4 18"], stiffness: Inexact[Array, "ez er 9"]
+) -> Inexact[Array, "ez er 18 18"]:
+    """Element stiffness [N/m] against change of shape, symmetric also where strains are complex.
+
+    Args:
+        basis: Strains of each unit displacement, as `strain_matrices` gives them.
+        stiffness: Shear modulus times volume [N m] of each Gauss point.
+    """
+    shape_change = jnp.moveaxis(deviator(jnp.moveaxis(basis, -1, 0)), 0, -1)
+    stress = stiffness[..., None] * STRESS_OVER_STRAIN[None, None, None, :]
+    return jnp.einsum("zrgci,zrgcj->zrij", shape_change * stress[..., None], shape_change)
+
+
+def volumetric_stiffness_of(
+    basis: Inexact[Array, "ez er 9 4 18"],
+    weights: Inexact[Array, "ez er 9"],
+    bulk_modulus: Inexact[Array, "ez er 9"],
+) -> Inexact[Array, "ez er 18 18"]:
+    """Element stiffness [N/m] against change of volume, symmetric also where strains are complex.
+
+    Args:
+        basis: Strains of each unit displacement, as `strain_matrices` gives them.
+        weights: Volume [m^3] of each Gauss point.
+        bulk_modulus: [Pa].
+    """
     pressure = linear_pressure(_POINTS, _POINTS)
-    dilatation = jnp.sum(strain_matrices(mesh)[:, :, :, :3], axis=3)
+    dilatation = jnp.sum(basis[:, :, :, :3], axis=3)
     coupling = jnp.einsum("zrg,gp,zrgi->zrpi", weights, pressure, dilatation)
     compliance = jnp.einsum("zrg,gp,gq->zrpq", weights / bulk_modulus, pressure, pressure)
-    return jnp.einsum("zrpi,zrpj->zrij", coupling, jnp.linalg.solve(compliance, coupling))
+    return jnp.einsum("zrpi,zrpq,zrqj->zrij", coupling, _inverse(compliance), coupling)
+
+
+def _inverse(matrices: Inexact[Array, "*element 3 3"]) -> Inexact[Array, "*element 3 3"]:
+    """Inverse of symmetric 3 x 3 matrices by cofactors: the compliance of an element is far from singular."""
+    rows = [matrices[..., i, :] for i in range(3)]
+    cofactors = jnp.stack([jnp.cross(rows[1], rows[2]), jnp.cross(rows[2], rows[0]), jnp.cross(rows[0], rows[1])], -2)
+    return cofactors / jnp.sum(cofactors[..., 0, :] * rows[0], axis=-1)[..., None, None]
 
 
 def internal_force(mesh: Mesh, stress: Float[Array, "ez er 9 4"]) -> Float[Array, "row column 2"]:

@@ -3,26 +3,25 @@ r"""Motion that is harmonic in time, of a viscoelastic solid under a radiation f
 $$ \left( K(G^*(\omega)) - \omega^2 M \right) u = f , \qquad u(t) = \mathrm{Re} \, u \, e^{+ i \omega t} , $$
 
 on the elements of the transient solver. The matrix is complex symmetric, not Hermitian: one sparse factorisation
-serves the solution, its tangent and its adjoint. `response.py` sums such motions for a force that is periodic.
+serves the solution, its tangent and its adjoint. `periodic.py` sums such motions for a force that is periodic.
 """
 
-import functools
-
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Complex, Float, Int
+from jaxtyping import Array, Complex, Float
 
 from arfjax.errors import InputError
-from arfjax.mechanics.absorbing import DEVIATOR, AbsorbingLayer, StretchedMesh, dynamic_stiffness, stretched
-from arfjax.mechanics.axisymmetric import STRESS_OVER_STRAIN, load, volume_weights
+from arfjax.mechanics.absorbing import AbsorbingLayer, StretchedMesh, dynamic_stiffness, stretched
+from arfjax.mechanics.axisymmetric import STRESS_OVER_STRAIN, deviator, load, volume_weights
 from arfjax.mechanics.harmonic_material import HarmonicMaterial, harmonic_field
-from arfjax.mechanics.mesh import Mesh, Walls, interpolation_weights
+from arfjax.mechanics.mesh import Mesh, interpolation_weights
+from arfjax.mechanics.transient import displacement_pattern
 from arfjax.mechanics.viscoelastic import ViscoelasticField
 from arfjax.media import Scalar
-from arfjax.numerics.sparse_direct import Pattern, linear_solve
+from arfjax.numerics.assembly import gather
+from arfjax.numerics.sparse_direct import linear_solve
 
 ForceField = Float[Array, "rq zq"] | Float[np.ndarray, "rq zq"]
 
@@ -82,7 +81,7 @@ def solve_harmonic(
     Args:
         mesh: Elements and walls.
         material: The solid at the Gauss points `mesh.gauss_r`, `mesh.gauss_z`: the one of a transient run, or with the
-            exact modulus of a fractional solid (`zener_field`).
+            exact modulus of a fractional solid (`solid_field`).
         axial_force: Amplitude of the force density along z at the Gauss points [N/m^3]. It ends where the mesh ends.
         frequency: Of the motion [Hz], not negative. At 0 the motion is static: it exists where the relaxed shear
             modulus is positive, and the layer is then no more than a wide box, whose relative error is about the
@@ -150,7 +149,7 @@ def power_balance(
     nodal = problem.solve()
     tissue, elements = problem.space.tissue, problem.of_elements(nodal)
     strains = problem.space.strain_matrices()[tissue]
-    shape_change = jnp.einsum("cd,zrgdi,zri->zrgc", DEVIATOR, strains, elements[tissue])
+    shape_change = deviator(jnp.einsum("zrgci,zri->zrgc", strains, elements[tissue]))
     squared = jnp.einsum("c,zrgc->zrg", STRESS_OVER_STRAIN, jnp.abs(shape_change) ** 2)
     loss = problem.shear_modulus.imag * volume_weights(problem.space.mesh)
     work = jnp.einsum("zri,zrij,zrj->zr", elements.conj(), problem.matrices, elements).imag
@@ -172,14 +171,15 @@ class _Problem(eqx.Module):
 
     def solve(self) -> Complex[Array, "row column 2"]:
         """Amplitude of the nodes."""
-        mesh = self.space.mesh
-        pattern = _pattern(*mesh.shape, mesh.walls)
+        pattern = displacement_pattern(self.space.mesh)
         values = pattern.assemble(self.matrices.reshape(-1, 18, 18))
-        return linear_solve(pattern, values, self.force.ravel().astype(values.dtype)).reshape(self.force.shape)
+        components = self.force.transpose(2, 0, 1)
+        solution = linear_solve(pattern, values, components.ravel().astype(values.dtype))
+        return solution.reshape(components.shape).transpose(1, 2, 0)
 
     def of_elements(self, nodal: Complex[Array, "row column 2"]) -> Complex[Array, "ez er 18"]:
         """Nodal values of each element."""
-        return nodal.ravel()[_unknowns(*self.space.mesh.shape)].reshape(*self.matrices.shape[:2], 18)
+        return gather(nodal).reshape(*self.matrices.shape[:2], 18)
 
 
 def _pose(
@@ -197,15 +197,14 @@ def _pose(
     field = harmonic_field(material, omega)
     _refuse_other_shapes(mesh, axial_force=axial_force, radial_force=radial_force, **vars(field))
     space = stretched(mesh, layer)
-    density, bulk, storage, loss = (
+    density, bulk, shear = (
         space.mesh.element_values(space.extend(values))
-        for values in (field.density, field.bulk_modulus, field.shear_modulus.real, field.shear_modulus.imag)
+        for values in (field.density, field.bulk_modulus, field.shear_modulus)
     )
     axial, radial = (
         space.mesh.element_values(space.extend_by_zero(jnp.asarray(part, dtype=float)))
         for part in (axial_force, radial_force)
     )
-    shear = jax.lax.complex(storage, loss)
     return _Problem(
         space=space,
         shear_modulus=shear,
@@ -222,18 +221,3 @@ def _refuse_other_shapes(mesh: Mesh, **fields: Array | np.ndarray) -> None:
                 f"`{name}` must have shape {expected}, radial and axial Gauss points of the mesh, got {field.shape}. "
                 "Evaluate it at `mesh.gauss_r` and `mesh.gauss_z`; layers are added to it here."
             )
-
-
-@functools.lru_cache(maxsize=16)
-def _pattern(n_r: int, n_z: int, walls: Walls) -> Pattern:
-    # Of all meshes with so many elements: where the elements lie does not matter.
-    mesh = Mesh(np.arange(n_r + 1.0), np.arange(n_z + 1.0), walls)
-    return Pattern.of_elements(_unknowns(n_r, n_z), mesh.n_unknowns, mesh.free.ravel() > 0.0)
-
-
-def _unknowns(n_r: int, n_z: int) -> Int[np.ndarray, "element 18"]:
-    """Number of each unknown of each element, the radial component of a node before the axial one."""
-    n_rows, n_columns = 2 * n_z + 1, 2 * n_r + 1
-    numbers = np.arange(2 * n_rows * n_columns).reshape(n_rows, n_columns, 2)
-    windows = np.lib.stride_tricks.sliding_window_view(numbers, (3, 3), axis=(0, 1))[::2, ::2]
-    return windows.transpose(0, 1, 3, 4, 2).reshape(-1, 18)

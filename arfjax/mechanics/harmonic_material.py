@@ -6,14 +6,13 @@ The time convention is exp(+i omega t): storage modulus plus i times loss modulu
 import abc
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from arfjax.mechanics.complex_modulus import complex_modulus
+from arfjax.mechanics.complex_modulus import complex_modulus, complex_shear_field
 from arfjax.mechanics.viscoelastic import FieldOrScalar, ModulusReading, ViscoelasticField
-from arfjax.media import FractionalZener, Scalar, Zener
+from arfjax.media import Prony, Scalar, Solid
 
 
 class HarmonicMaterial(eqx.Module):
@@ -42,84 +41,71 @@ class HarmonicField(HarmonicMaterial):
         return self
 
 
-class ZenerField(HarmonicMaterial):
-    """A conventional or fractional Zener solid with its exact complex modulus; `zener_field` makes one.
+class SolidField(HarmonicMaterial):
+    """Any solid with its exact complex modulus; `solid_field` makes one.
 
     Attributes:
         density: [kg/m^3].
         bulk_modulus: [Pa].
-        solid: Constants of the relaxing shear modulus, each a field.
+        solid: Constants as measured, numbers or fields.
+        reading: Which modulus was measured.
+        poisson_ratio: Of the reading [1].
     """
 
     density: Float[Array, "rq zq"]
     bulk_modulus: Float[Array, "rq zq"]
-    solid: Zener | FractionalZener
+    solid: Solid
+    reading: ModulusReading
+    poisson_ratio: Scalar
 
     def at_frequency(self, angular_frequency: Scalar) -> HarmonicField:
         """The solid at an angular frequency [rad/s]."""
-        flat = jax.tree.map(jnp.ravel, self.solid)
-        modulus = jax.vmap(lambda point: complex_modulus(point, angular_frequency))(flat)
-        return HarmonicField(self.density, self.bulk_modulus, modulus.reshape(self.density.shape))
+        n_r, n_z = self.density.shape
+        shear = complex_shear_field(
+            self.solid, (n_r, n_z), angular_frequency, reading=self.reading, poisson_ratio=self.poisson_ratio
+        )
+        return HarmonicField(self.density, self.bulk_modulus, shear)
 
 
-def zener_field(
-    solid: Zener | FractionalZener,
+def solid_field(
+    solid: Solid,
     shape: tuple[int, int],
     *,
     density: FieldOrScalar,
     bulk_modulus: FieldOrScalar,
     reading: ModulusReading,
     poisson_ratio: Scalar,
-) -> ZenerField:
-    """A Zener solid at the Gauss points, as `viscoelastic_field` takes it, without the sum of exponentials.
+) -> SolidField:
+    """A solid at the Gauss points, as `viscoelastic_field` takes it, without the sum of exponentials.
 
     Args:
-        solid: Constants as measured, numbers or fields.
+        solid: Constants as measured, numbers or fields; of any kind.
         shape: Number of Gauss points, radial and axial.
         density: [kg/m^3], a number or a field.
         bulk_modulus: [Pa], a number or a field; `reading.bulk_modulus` gives it from a modulus.
         reading: Which modulus was measured.
         poisson_ratio: Of the reading [1]; the same at all frequencies.
     """
-
-    def fill(value: FieldOrScalar) -> Float[Array, "rq zq"]:
-        return jnp.broadcast_to(jnp.asarray(value, dtype=float), shape)
-
-    as_shear = eqx.tree_at(
-        lambda s: (s.relaxed_modulus, s.unrelaxed_modulus),
-        solid,
-        (
-            reading.shear_modulus(solid.relaxed_modulus, poisson_ratio),
-            reading.shear_modulus(solid.unrelaxed_modulus, poisson_ratio),
-        ),
+    density, bulk_modulus = (
+        jnp.broadcast_to(jnp.asarray(value, dtype=float), shape) for value in (density, bulk_modulus)
     )
-    return ZenerField(fill(density), fill(bulk_modulus), jax.tree.map(fill, as_shear))
+    return SolidField(density, bulk_modulus, solid, reading, poisson_ratio)
 
 
 def harmonic_field(material: HarmonicMaterial | ViscoelasticField, angular_frequency: Scalar) -> HarmonicField:
-    r"""A solid at one frequency: its own complex modulus, or that of the sum of exponentials of a transient run.
-
-    $$ G^* = G_0 + \sum_b \Delta G_b \, \frac{i \omega \tau_b}{1 + i \omega \tau_b} $$
+    """A solid at one frequency: its own complex modulus, or that of the sum of exponentials of a transient run.
 
     Args:
-        material: The solid; a `ViscoelasticField` is exactly what `solve_push` moves, a `ZenerField` has no error of a
+        material: The solid; a `ViscoelasticField` is exactly what `solve_push` moves, a `SolidField` has no error of a
             sum of exponentials.
         angular_frequency: [rad/s], not negative.
 
-    Accuracy: rounding, for any product of frequency and relaxation time.
-    Differentiability: in every constant and the frequency.
+    Accuracy and differentiability: those of `complex_modulus`.
     """
     if isinstance(material, HarmonicMaterial):
         return material.at_frequency(angular_frequency)
-    turn = angular_frequency * material.relaxation_times
-    branches = material.branch_shear_moduli
-    # Below the relaxation frequency in omega tau, above it in its inverse, so that no square overflows.
-    below = turn <= 1.0
-    small = jnp.where(below, turn, 1.0 / jnp.where(below, 1.0, turn))
-    share = 1.0 / (1.0 + small**2)
-    storage = material.relaxed_shear_modulus + jnp.sum(branches * share * jnp.where(below, small**2, 1.0), axis=0)
-    loss = jnp.sum(branches * share * small, axis=0)
-    return HarmonicField(material.density, material.bulk_modulus, jax.lax.complex(storage, loss))
+    branches = Prony(material.relaxed_shear_modulus, material.branch_shear_moduli, material.relaxation_times)
+    return HarmonicField(material.density, material.bulk_modulus, complex_modulus(branches, angular_frequency))
 
 
 def shear_wavelength(field: HarmonicField, frequency: Scalar) -> Float[np.ndarray, "rq zq"] | Float[Array, "rq zq"]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Inexact
 
 from arfjax.numerics.elements import quadratic
 from arfjax.numerics.quadrature import gauss_legendre
@@ -132,7 +132,9 @@ class Mesh(eqx.Module):
                 free[wall][..., normal] = 0.0
         return free
 
-    def element_values(self, field: Float[Array, "rq zq"] | Float[np.ndarray, "rq zq"]) -> Float[Array, "ez er 9"]:
+    def element_values(
+        self, field: Inexact[Array, "rq zq"] | Inexact[np.ndarray, "rq zq"]
+    ) -> Inexact[Array, "ez er 9"]:
         """A field on the tensor grid of Gauss points, sorted by elements."""
         n_r, n_z = self.shape
         expected = (N_GAUSS * n_r, N_GAUSS * n_z)

@@ -112,8 +112,8 @@ class Square(Modulation):
         _require_share("duty_cycle", self.duty_cycle)
 
     def orders(self, n_harmonics: int | None) -> tuple[int, ...]:
-        """All up to 9 if no number is given; even ones left out at a duty cycle of exactly 0.5 (not traced)."""
-        up_to = range(1, 1 + (9 if n_harmonics is None else n_harmonics))
+        """All up to 15 if no number is given; even ones left out at a duty cycle of exactly 0.5 (not traced)."""
+        up_to = range(1, 1 + (15 if n_harmonics is None else n_harmonics))
         half = not isinstance(self.duty_cycle, Tracer) and float(self.duty_cycle) == 0.5
         return tuple(order for order in up_to if order % 2 == 1 or not half)
 

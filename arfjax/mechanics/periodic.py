@@ -16,6 +16,9 @@ from arfjax.mechanics.modulation import Modulation
 from arfjax.mechanics.viscoelastic import ViscoelasticField
 from arfjax.media import Scalar
 
+_TAIL = 8
+"""The bound of what is left out sums up to so many times the last harmonic; 2 % of it lie beyond."""
+
 
 class PeriodicResult(eqx.Module):
     """Steady motion: displacement(t) = offset + Re(sum of amplitude_n exp(+i n omega t)).
@@ -24,6 +27,8 @@ class PeriodicResult(eqx.Module):
         frequency: Of the modulation [Hz].
         amplitudes: Amplitude r, z [m] of each harmonic at the nodes; the first is at the modulation frequency.
         offset: Mean displacement r, z [m] at the nodes; zero unless it was asked for.
+        left_out_map: What the harmonics that were left out could change the peak-to-peak axial displacement by [m], at
+            the nodes; zero if there are none.
         r_edges: Radial element edges [m].
         z_edges: Axial element edges [m].
     """
@@ -31,6 +36,7 @@ class PeriodicResult(eqx.Module):
     frequency: Float[Array, ""]
     amplitudes: Complex[Array, "harmonic r z 2"]
     offset: Float[Array, "r z 2"]
+    left_out_map: Float[Array, "r z"]
     r_edges: Float[Array, " n_r_edges"]
     z_edges: Float[Array, " n_z_edges"]
 
@@ -46,6 +52,10 @@ class PeriodicResult(eqx.Module):
     def peak_to_peak(self, z: Scalar) -> Float[Array, ""]:
         """Peak-to-peak axial displacement [m] on the axis at `z` [m], as harmonic motion imaging reports it."""
         return peak_to_peak(self.at_focus(z))
+
+    def left_out(self, z: Scalar) -> Float[Array, ""]:
+        """What the harmonics that were left out could change `peak_to_peak` by [m], see `solve_periodic`."""
+        return self.left_out_map[0] @ self._axial_weights(z)
 
     def time_course(self, z: Scalar, time: Float[Array, " time"] | Float[np.ndarray, " time"]) -> Float[Array, " time"]:
         """Axial displacement [m] on the axis at `z` [m] at times [s] from the middle of the strongest force."""
@@ -77,8 +87,8 @@ def solve_periodic(
             continuous beam with the largest pressure amplitude of the cycle.
         frequency: Of the modulation [Hz], positive.
         modulation: Course of the force over a period.
-        n_harmonics: Solves to sum; as many as the modulation has, or 9 if it has no end (every second one is empty and
-            skipped for a duty cycle of exactly one half).
+        n_harmonics: Highest one to solve for; the last that the modulation has, or 15 if it has no end (every second
+            one is empty and skipped for a duty cycle of exactly one half).
         with_offset: Also solve for the mean displacement, that the mean force holds after times much longer than all
             relaxation times: the static answer of the relaxed shear modulus, which must be positive. A measurement of
             seconds does not reach it in tissue whose relaxed modulus is a few Pa, and imaging filters it out: hence
@@ -90,8 +100,12 @@ def solve_periodic(
         InputError: if there is no harmonic to solve for, or as in `solve_harmonic`.
 
     Accuracy: that of `solve_harmonic` for each harmonic; elements must resolve the waves of the last one that counts.
-        What is left out of a square modulation falls with the third power of its number or faster, as inertia rules.
-    Differentiability: in material, force, frequency and depth of the modulation, forward and reverse.
+        The result bounds what the harmonics left out could change (`left_out`), as if the motion per force fell with
+        the square of their number from the last one on, as it does where inertia rules, and all added up: for square
+        modulation at 50 Hz in liver (duty 0.1 to 0.5, 3 to 31 harmonics) the bound was 1.5 to 16 times the change
+        of the peak-to-peak, on a mesh that did not resolve the waves of harmonics from the ninth on.
+    Differentiability: in material, force, frequency and depth of the modulation, forward and reverse; `left_out` is
+        held.
     """
     if not isinstance(frequency, Tracer) and not float(frequency) > 0.0:
         raise InputError(f"`frequency` of the modulation must be positive, got {frequency} Hz.")
@@ -106,13 +120,16 @@ def solve_periodic(
         ).displacement
 
     per_force = jax.lax.map(amplitude, solved)
-    shares = modulation.coefficients(max(orders))
-    tones = jnp.zeros((max(orders), *per_force.shape[1:]), per_force.dtype)
+    last = max(orders)
+    shares = modulation.coefficients(last)
+    beyond = modulation.coefficients(_TAIL * last)[last + 1 :] * (last / np.arange(last + 1, _TAIL * last + 1)) ** 2
+    tones = jnp.zeros((last, *per_force.shape[1:]), per_force.dtype)
     tones = tones.at[np.array(orders) - 1].set(per_force[-len(orders) :])
     return PeriodicResult(
         frequency=jnp.asarray(frequency, dtype=float),
         amplitudes=shares[1:, None, None, None] * tones,
         offset=(shares[0] * per_force[0]).real if with_offset else jnp.zeros(per_force.shape[1:], shares.real.dtype),
+        left_out_map=jax.lax.stop_gradient(2.0 * jnp.sum(jnp.abs(beyond)) * jnp.abs(per_force[-1, ..., 1])),
         r_edges=jnp.asarray(mesh.r_edges, dtype=float),
         z_edges=jnp.asarray(mesh.z_edges, dtype=float),
     )
