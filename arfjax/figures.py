@@ -218,7 +218,7 @@ def draw_displacement(dataset: xr.Dataset) -> Figure:
 def draw_push(dataset: xr.Dataset, model: Model, *, push_duration: float) -> Figure:
     """Maps of displacement at four times with the lesion's outline, the course at the focus, the wave running out."""
     figure = new_figure(10.5, 6.4)
-    top, bottom = figure.subfigures(2, 1, height_ratios=[1.3, 1.0])
+    top, bottom = figure.subfigures(2, 1, height_ratios=[1.3, 1.0], squeeze=False)[:, 0]
     time, focus = dataset["push_time"].to_numpy(), float(model.bowl.focal_length)
     for chart, at in zip(top.subplots(1, 4, sharey=True), _telling_times(time, push_duration), strict=True):
         _draw_frame(chart, dataset.sel(push_time=at, method="nearest"), focus)

@@ -164,7 +164,7 @@ class Prony(eqx.Module):
 
     relaxed_modulus: Values
     branch_moduli: Float[Array, "branch *space"] | Float[np.ndarray, "branch *space"]
-    relaxation_times: Float[Array, "branch *space"] | Float[np.ndarray, "branch *space"]
+    relaxation_times: Float[Array, "time *space"] | Float[np.ndarray, "time *space"]
 
     def __check_init__(self) -> None:
         """Refuse constants that no tissue has, and branches without a relaxation time."""

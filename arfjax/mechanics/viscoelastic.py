@@ -13,6 +13,7 @@ import abc
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
@@ -139,8 +140,8 @@ def viscoelastic_field(
         fill(density),
         fill(bulk_modulus),
         fill(reading.shear_modulus(prony.relaxed_modulus, poisson_ratio)),
-        fill_branches(jnp.asarray(reading.shear_modulus(prony.branch_moduli, poisson_ratio))),
-        fill_branches(prony.relaxation_times),
+        fill_branches(_as_array(reading.shear_modulus(_as_array(prony.branch_moduli), poisson_ratio))),
+        fill_branches(_as_array(prony.relaxation_times)),
     )
 
 
@@ -268,7 +269,7 @@ def _positive(time: float) -> float:
     return time
 
 
-def _as_array(value: FieldOrScalar) -> Float[Array, "..."]:
+def _as_array(value: FieldOrScalar | Float[np.ndarray, "..."]) -> Float[Array, "..."]:
     return jnp.asarray(value, dtype=float)
 
 

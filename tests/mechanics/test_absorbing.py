@@ -68,7 +68,7 @@ def test_infinite_medium(wavelength, loss):
     assert error(AbsorbingLayer(), wavelength, loss) < (1e-3 if wavelength < 0.01 else 6e-4)
 
 
-@pytest.mark.parametrize("stiffness", [1.0, 1e8])
+@pytest.mark.parametrize("stiffness", [1.0, 1e6])
 def test_pressure_waves_are_absorbed_too(stiffness):
     assert error(AbsorbingLayer(), 0.02, 0.1, stiffness) < 5e-4
 

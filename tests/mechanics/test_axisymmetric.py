@@ -84,7 +84,7 @@ def test_patch_a_uniform_strain_leaves_interior_nodes_in_balance(bulk):
 
 def test_patch_a_pulled_cylinder_finds_the_uniform_strain():
     # Ends at the linear field's displacement, side wall at its traction: the solution is the linear field.
-    mesh = small_mesh(Walls(outer_fixed=False))
+    mesh = small_mesh(Walls(outer=False))
     field = nodal_field(mesh, lambda r, z: -0.004999 * r, lambda r, z: 0.01 * z)
     free = mesh.free
     side = np.zeros(field.shape)

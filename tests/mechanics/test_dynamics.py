@@ -202,6 +202,7 @@ def test_gradient_of_the_displacement_at_the_focus():
         np.testing.assert_allclose(product, central, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_second_derivatives():
     # The derivative rule holds for itself: no part of it is taken as constant.
     mesh = small_mesh()
@@ -228,6 +229,7 @@ def test_second_derivatives():
     np.testing.assert_allclose(hessian, jnp.stack(change) / (12.0 * step), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_value_and_gradient_take_one_factorisation_and_little_memory(monkeypatch):
     mesh, material = small_mesh(), uneven_material(small_mesh(), n_branches=8)
     calls, splu = [], scipy.sparse.linalg.splu
@@ -250,6 +252,7 @@ def test_value_and_gradient_take_one_factorisation_and_little_memory(monkeypatch
     assert 6 * history + 2 * (12 - 4) * state < 0.4 * (144 - 16) * state
 
 
+@pytest.mark.slow
 def test_amplitude_shapes_the_push():
     mesh, material = small_mesh(), uneven_material(small_mesh())
     settings, n_steps = PushSettings(5e-5, 12), 12
@@ -273,6 +276,7 @@ def test_amplitude_shapes_the_push():
         solve_push(mesh, material, small_force(mesh), settings=settings, amplitude=np.ones(12))
 
 
+@pytest.mark.slow
 def test_second_order_in_time_for_a_smooth_and_a_broken_amplitude():
     # A free body under a uniform force: Newton's law integrated twice by hand.
     mesh = small_mesh(Walls(False, False, False))

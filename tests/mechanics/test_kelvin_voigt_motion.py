@@ -70,8 +70,14 @@ def column_errors(viscosity: float) -> list[float]:
 
 @pytest.mark.parametrize("viscosity", [0.5, 10.0])
 def test_a_column_swings_or_creeps_as_its_mode_does(viscosity):
-    """Below critical damping and above it; the march and the pair that stands for the viscosity are second order."""
-    assert_order([4.0, 2.0, 1.0], column_errors(viscosity), order=2.0)
+    """Below critical damping and above it.
+
+    Both the march and the pair that stands for the viscosity are second order for a smooth force. Here it jumps, and
+    the pair, whose relaxation time is a step, builds its stress up over some steps: 1.5 is what can be claimed.
+    """
+    errors = column_errors(viscosity)
+    assert_order([4.0, 2.0, 1.0], errors, order=1.5)
+    assert errors[-1] < 5e-3
 
 
 def test_branches_that_make_energy_are_told_from_those_of_a_viscosity():
