@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from arfjax import suomi2016
 from arfjax.laws import Tabulated, ViscoelasticLaw
-from arfjax.mechanics.viscoelastic import ShearModulus, YoungModulus
+from arfjax.mechanics.material.viscoelastic import ShearModulus, YoungModulus
 from arfjax.media import Scalar
 from arfjax.thermal.dose import LETHAL_DOSE_MINUTES
 from arfjax.tissues import Tissue

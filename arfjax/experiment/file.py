@@ -18,7 +18,7 @@ from arfjax.experiment.drive import power_of_focal_pressure, power_of_source_pre
 from arfjax.experiment.messages import EXAMPLE, explain
 from arfjax.experiment.numbers import Celsius, Millimetres, Number, Section, between
 from arfjax.experiment.sonication import SonicationSection
-from arfjax.mechanics.viscoelastic import ShearModulus, YoungModulus
+from arfjax.mechanics.material.viscoelastic import ShearModulus, YoungModulus
 from arfjax.model import DoseSize, Layer, Lesion, Model, tabulated_size
 from arfjax.protocols.discretisation import RIM_TO_HEAT, RIM_TO_START, Discretisation, relative_wavelengths
 from arfjax.protocols.stepwise import StepwiseProtocol

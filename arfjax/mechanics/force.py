@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
-from arfjax.mechanics.mesh import Mesh
-from arfjax.mechanics.transfer import projected
+from arfjax.mechanics.elements.mesh import Mesh
+from arfjax.mechanics.elements.transfer import projected
 
 
 class ForceMap(eqx.Module):

@@ -57,26 +57,22 @@ class Pattern:
         free = np.ones(n_unknowns, bool) if free is None else np.asarray(free, bool)
         if order is not None and not np.array_equal(np.sort(order), np.arange(n_unknowns)):
             raise InputError(f"`order` must be a permutation of 0 to {n_unknowns - 1}: every unknown once.")
-        k = element_dofs.shape[1]
-        rows, columns = np.repeat(element_dofs, k, axis=1).ravel(), np.tile(element_dofs, (1, k)).ravel()
+        rows, columns, sources = _sorted_by_rows(element_dofs, n_unknowns)
         used = free[rows] & free[columns]
-        held = np.flatnonzero(~free)
-        wanted = rows[used].astype(np.int64) * n_unknowns + columns[used]
-        entries = np.unique(np.concatenate([wanted, held * (n_unknowns + 1)]))
-        starts = np.searchsorted(entries, np.arange(n_unknowns + 1) * n_unknowns)
-        if np.any(np.diff(starts) == 0):
-            missing = int(np.flatnonzero(np.diff(starts) == 0)[0])
+        rows, columns, sources = rows[used], columns[used], sources[used]
+        first = np.append(True, (rows[1:] != rows[:-1]) | (columns[1:] != columns[:-1]))[: len(rows)]
+        counts = np.bincount(rows[first], minlength=n_unknowns) + ~free
+        if np.any(counts == 0):
+            missing = int(np.flatnonzero(counts == 0)[0])
             raise InputError(f"unknown {missing} is free but in no element: its row would be empty. Hold it.")
-        slots = np.full(rows.shape, len(entries))
-        slots[used] = np.searchsorted(entries, wanted)
-        return cls(
-            n_unknowns,
-            starts.astype(np.int32),
-            (entries % n_unknowns).astype(np.int32),
-            slots.reshape(-1, k, k).astype(np.int32),
-            np.searchsorted(entries, held * (n_unknowns + 1)).astype(np.int32),
-            order,
-        )
+        starts = np.append(0, np.cumsum(counts))
+        held = starts[:-1][~free]
+        entries = np.cumsum(first) - 1 + np.cumsum(~free)[rows]  # those of held unknowns lie in between
+        all_columns = np.empty(starts[-1], np.int32)
+        all_columns[entries], all_columns[held] = columns, np.flatnonzero(~free)
+        slots = np.full((*element_dofs.shape, element_dofs.shape[1]), starts[-1], np.int32)
+        slots.reshape(-1)[sources] = entries
+        return cls(n_unknowns, starts.astype(np.int32), all_columns, slots, held.astype(np.int32), order)
 
     @property
     def n_entries(self) -> int:
@@ -115,6 +111,23 @@ class Pattern:
         return jax.ops.segment_sum(
             values * vector[self.columns], self.rows, num_segments=self.n_unknowns, indices_are_sorted=True
         )
+
+
+def _sorted_by_rows(
+    element_dofs: Int[np.ndarray, "element k"], n_unknowns: int
+) -> tuple[Int[np.ndarray, " m"], Int[np.ndarray, " m"], Int[np.ndarray, " m"]]:
+    """Row, column and place of every entry of every element matrix, by row and column; time in proportion to them."""
+    n_elements, k = element_dofs.shape
+    by_row = np.argsort(element_dofs.ravel(), kind="stable")
+    element, line = np.divmod(by_row, k)
+    counts = k * np.bincount(element_dofs.ravel(), minlength=n_unknowns)
+    places = ((element * k + line)[:, None] * k + np.arange(k)).ravel()
+    matrix = scipy.sparse.csr_array(
+        (places, element_dofs[element].ravel().astype(np.int64), np.append(0, np.cumsum(counts))),
+        shape=(n_unknowns, n_unknowns),
+    )
+    matrix.sort_indices()
+    return np.repeat(np.arange(n_unknowns), counts), matrix.indices, matrix.data
 
 
 def nested_dissection(n_rows: int, n_columns: int) -> Int[np.ndarray, " node"]:

@@ -19,7 +19,7 @@ from arfjax.acoustics.variation import MediumVariation
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid, graded_positions
 from arfjax.laws import Temperature
-from arfjax.mechanics.mesh import Mesh
+from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.model import Layer, Model
 from arfjax.thermal.bioheat import ThermalField
 from arfjax.transducer import FocusedBowl

@@ -13,10 +13,10 @@ from jaxtyping import Array, Float
 
 from arfjax.acoustics.intensity import radiation_force_density
 from arfjax.errors import InputError
-from arfjax.mechanics.dynamics import PushSettings, solve_push
-from arfjax.mechanics.mesh import Mesh
-from arfjax.mechanics.refinement import focused_mesh
-from arfjax.mechanics.shear_waves import arrival_times, of_one_front, shear_wave_speed
+from arfjax.mechanics.elements.mesh import Mesh
+from arfjax.mechanics.elements.refinement import focused_mesh
+from arfjax.mechanics.transient.push import PushSettings, solve_push
+from arfjax.mechanics.transient.shear_waves import arrival_times, of_one_front, shear_wave_speed
 from arfjax.media import Scalar
 from arfjax.model import Model
 from arfjax.protocols.discretisation import LIVER_RADIUS, Discretisation

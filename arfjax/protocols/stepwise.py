@@ -19,10 +19,10 @@ from jaxtyping import Array, Float
 from arfjax.acoustics.field import HarmonicField
 from arfjax.acoustics.intensity import heat_deposition, radiation_force_density
 from arfjax.laws import extrapolations
-from arfjax.mechanics.dynamics import PushResult, PushSettings, solve_push
-from arfjax.mechanics.material import ellipsoid_depth, liver_with_lesion
-from arfjax.mechanics.mesh import Mesh
-from arfjax.mechanics.viscoelastic import ViscoelasticField
+from arfjax.mechanics.elements.mesh import Mesh
+from arfjax.mechanics.material.inclusion import ellipsoid_depth, liver_with_lesion
+from arfjax.mechanics.material.viscoelastic import ViscoelasticField
+from arfjax.mechanics.transient.push import PushResult, PushSettings, solve_push
 from arfjax.media import Scalar
 from arfjax.model import Model, TabulatedSize
 from arfjax.numerics.derivatives import forward_by_reverse

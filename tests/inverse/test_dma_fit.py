@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from arfjax.mechanics.complex_modulus import complex_modulus
+from arfjax.mechanics.material.complex_modulus import complex_modulus
 from arfjax.media import FractionalZener, Zener
 from inverse.datasets.dma import Sweep, dma_data, group_sweeps, read_dma
 from inverse.datasets.shipped import shipped

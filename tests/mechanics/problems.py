@@ -9,9 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from arfjax.grid import graded_positions
-from arfjax.mechanics.dynamics import PushResult, PushSettings, solve_push
-from arfjax.mechanics.mesh import Mesh, Walls
-from arfjax.mechanics.viscoelastic import (
+from arfjax.mechanics.elements.mesh import Mesh, Walls
+from arfjax.mechanics.material.viscoelastic import (
     Prony,
     ShearModulus,
     ViscoelasticField,
@@ -19,6 +18,7 @@ from arfjax.mechanics.viscoelastic import (
     prony_of_zener,
     viscoelastic_field,
 )
+from arfjax.mechanics.transient.push import PushResult, PushSettings, solve_push
 from arfjax.media import FractionalZener, Zener
 
 REFERENCES = Path(__file__).parents[1] / "reference" / "mechanics"

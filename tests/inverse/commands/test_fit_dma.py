@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from arfjax.mechanics.complex_modulus import complex_modulus
+from arfjax.mechanics.material.complex_modulus import complex_modulus
 from arfjax.media import FractionalZener
 from inverse.commands.fit_dma import ModelChoice, ResidualChoice, fit_dma
 from inverse.datasets.dma import group_sweeps, read_dma

@@ -1,0 +1,1 @@
+"""Meshes, weak forms and what passes between grids and elements."""

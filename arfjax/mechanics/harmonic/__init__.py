@@ -1,0 +1,1 @@
+"""Motion that is harmonic or periodic in time."""

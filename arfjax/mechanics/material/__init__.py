@@ -1,0 +1,1 @@
+"""What tissue is at the points of a mesh: relaxations, complex moduli, lesions."""

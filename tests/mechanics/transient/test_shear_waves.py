@@ -1,0 +1,79 @@
+"""Arrivals, speed and strain of displacements that are known in closed form."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from arfjax.errors import InputError
+from arfjax.mechanics.elements.mesh import Mesh
+from arfjax.mechanics.transient.shear_waves import arrival_times, of_one_front, shear_wave_speed, strain_at_gauss_points
+from tests.checks import assert_gradient, assert_order
+
+R = np.linspace(2e-3, 8e-3, 13)
+SPEED = 1.3
+
+
+def passing(time, r=R, width=0.8e-3):
+    """A bell that runs out at SPEED and falls as it goes."""
+    return jnp.exp(-(((time[:, None] - r[None] / SPEED) / width) ** 2)) / jnp.sqrt(jnp.asarray(r))[None]
+
+
+def times(n):
+    return jnp.linspace(0.0, 8e-3, n)
+
+
+def test_a_wave_arrives_when_its_crest_does_to_second_order_or_better():
+    counts, errors = (41, 81, 161), []
+    for n in counts:
+        arrival = arrival_times(times(n), passing(times(n)))
+        errors.append(np.abs(np.asarray(arrival) - R / SPEED).max())
+    assert_order([1.0 / (n - 1) for n in counts], errors, order=2)
+    assert errors[0] < 0.1 * 8e-3 / 40
+
+
+def test_speed_is_the_slope_of_the_arrivals():
+    arrival = jnp.asarray(1e-3 + R / SPEED)
+    np.testing.assert_allclose(shear_wave_speed(R, arrival), SPEED, rtol=1e-12)
+    some = arrival.at[jnp.asarray([0, 5, 12])].set(jnp.nan)
+    np.testing.assert_allclose(shear_wave_speed(R, some), SPEED, rtol=1e-12)
+    assert np.isnan(shear_wave_speed(R, arrival.at[2:].set(jnp.nan)))
+
+
+def test_a_wave_that_has_not_passed_has_no_arrival():
+    early = jnp.linspace(0.0, 4e-3, 81)
+    arrival = arrival_times(early, passing(early))
+    passed = R / SPEED < 4e-3 - 2 * 0.05e-3
+    np.testing.assert_array_equal(np.isfinite(arrival), passed)
+    assert np.all(np.isnan(arrival_times(early, jnp.zeros((81, 3)))))
+
+
+def test_only_one_front_is_kept():
+    arrival = jnp.asarray([jnp.nan, jnp.nan, 3.0, 4.0, 5.0, 1.0, 6.0, jnp.nan])
+    np.testing.assert_array_equal(of_one_front(arrival), [np.nan, np.nan, 3.0, 4.0, 5.0, np.nan, np.nan, np.nan])
+    broken = jnp.asarray([2.0, jnp.nan, 3.0])
+    np.testing.assert_array_equal(of_one_front(broken), [2.0, np.nan, np.nan])
+
+
+def test_gradient_of_arrival_and_speed():
+    time = times(81)
+
+    def value(parts):
+        arrival = arrival_times(time, passing(time, width=parts["width"]) + parts["slope"] * 1e2 * time[:, None])
+        return shear_wave_speed(R, of_one_front(arrival)) + 1e3 * jnp.sum(arrival)
+
+    assert_gradient(value, {"width": 0.8e-3, "slope": 0.3}, step=1e-4)
+
+
+def test_too_few_samples_are_refused():
+    with pytest.raises(InputError, match="at least five samples"):
+        arrival_times(jnp.linspace(0.0, 1.0, 4), jnp.zeros((4, 2)))
+
+
+def test_strains_of_a_quadratic_displacement_are_exact():
+    mesh = Mesh(np.array([0.0, 1e-3, 2.5e-3]), np.array([0.0, 2e-3, 3e-3, 5e-3]))
+    r, z = jnp.asarray(mesh.node_r)[:, None], jnp.asarray(mesh.node_z)[None, :]
+    displacement = jnp.stack([3.0 * r * z + 0.0 * z, 2.0 * z**2 - r**2], axis=-1)
+    strain = strain_at_gauss_points(mesh, displacement)
+    r, z = np.asarray(mesh.gauss_r)[:, None], np.asarray(mesh.gauss_z)[None, :]
+    expected = np.stack(np.broadcast_arrays(3.0 * z, 4.0 * z, 3.0 * z, 3.0 * r - 2.0 * r), axis=-1)
+    np.testing.assert_allclose(strain, np.broadcast_to(expected, strain.shape), rtol=1e-10, atol=1e-14)
