@@ -1,0 +1,1 @@
+"""The same work by other codes, each in a process of its own."""
