@@ -164,9 +164,7 @@ def large(repeats: int, cells: tuple[int, int] = (90, 180), n_steps: int = 100) 
     run, both, n_unknowns = large_case(cells, n_steps)
     times = timed_in_turn({"run": run, "value and gradient": both}, repeats)
     ratio = times["value and gradient"]["min_s"] / times["run"]["min_s"]
-    memory = _of_own_process(
-        [sys.executable, "-m", "benchmarks.mechanics", "--memory-of", *map(str, (*cells, n_steps))]
-    )
+    command = [sys.executable, "-m", "benchmarks.mechanics", "--memory-of", *map(str, (*cells, n_steps))]
     return {
         "unknowns": n_unknowns,
         "steps": n_steps,
