@@ -24,10 +24,10 @@ import numpy as np
 import arfjax as ax
 from arfjax import tissues
 from arfjax.grid import AxisymmetricGrid
-from arfjax.numerics.block_tridiagonal import BlockTridiagonal, factorise, solve
+from arfjax.numerics.sparse_direct import Pattern, factorise, solve
 from arfjax.protocols.sonication import Sonication, sonicate
 from arfjax.thermal.bioheat import Phase, on_axis, solve_bioheat
-from arfjax.thermal.conduction import Walls, cell_conductances, cell_geometry
+from arfjax.thermal.conduction import Conductances, Walls, cell_conductances, cell_geometry
 from arfjax.thermal.damage import ThermalDose, accumulated_damage
 from arfjax.thermal.feedback import FROZEN
 from arfjax.thermal.splitting import GAMMA
@@ -111,16 +111,15 @@ def direct_solve(numbers, grid: AxisymmetricGrid, phases: tuple[Phase, ...]) -> 
     field, heat = numbers
     geometry = cell_geometry(grid)
     conductances, _ = cell_conductances(field, geometry, Walls())
-    capacity = field.heat_capacity * geometry.volumes
+    capacity, pattern = field.heat_capacity * geometry.volumes, _pattern(grid)
     rises = [jnp.zeros_like(capacity)[None]]
     for phase in phases:
         weight, length = GAMMA * phase.time_step, phase.time_step
-        matrix = _block_matrix(capacity, conductances, weight)
-        factor = factorise(matrix)
+        factor = factorise(pattern, _matrix(pattern, capacity, conductances, weight))
         power = phase.power * heat * geometry.volumes
 
-        def rate(rise, power=power, matrix=matrix, factor=factor):
-            return solve(matrix, factor, (power - conductances.leaving(rise)).T).T
+        def rate(rise, power=power, factor=factor):
+            return solve(factor, (power - conductances.leaving(rise)).ravel()).reshape(rise.shape)
 
         def step(rise, _, rate=rate, length=length):
             first = rate(rise)
@@ -132,12 +131,20 @@ def direct_solve(numbers, grid: AxisymmetricGrid, phases: tuple[Phase, ...]) -> 
     return jnp.concatenate(rises)
 
 
-def _block_matrix(capacity, conductances, weight) -> BlockTridiagonal:
-    """Heat capacity plus `weight` times conduction; a block holds the cells of one z, of which there are fewer."""
-    diagonal = (capacity + weight * (conductances.diagonal_along_r() + conductances.diagonal_along_z())).T
-    within, across = -weight * conductances.radial.T, jnp.pad(-weight * conductances.axial.T, ((1, 0), (0, 0)))
-    beside = jax.vmap(lambda values: jnp.diag(values, 1) + jnp.diag(values, -1))(within)
-    return BlockTridiagonal(jax.vmap(jnp.diag)(diagonal) + beside, jax.vmap(jnp.diag)(across))
+def _pattern(grid: AxisymmetricGrid) -> Pattern:
+    """Each pair of neighbours along r, along z, and each cell with itself."""
+    cells = np.arange(grid.shape[0] * grid.shape[1]).reshape(grid.shape)
+    pairs = [(cells[:-1], cells[1:]), (cells[:, :-1], cells[:, 1:]), (cells, cells)]
+    return Pattern.of_elements(np.concatenate([np.stack(each, -1).reshape(-1, 2) for each in pairs]), cells.size)
+
+
+def _matrix(pattern: Pattern, capacity: jax.Array, conductances: Conductances, weight: float) -> jax.Array:
+    """Heat capacity plus `weight` times conduction."""
+    between = jnp.array([[1.0, -1.0], [-1.0, 1.0]])
+    flows = [g.ravel()[:, None, None] * weight * between[None] for g in (conductances.radial, conductances.axial)]
+    own = (capacity + weight * conductances.loss).at[-1].add(weight * conductances.outer)
+    alone = own.ravel()[:, None, None] * jnp.array([[1.0, 0.0], [0.0, 0.0]])[None]
+    return pattern.assemble(jnp.concatenate([*flows, alone]))
 
 
 def split_against_direct(grid: AxisymmetricGrid) -> list[dict]:
