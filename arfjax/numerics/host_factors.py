@@ -1,12 +1,14 @@
 """Factors of sparse symmetric matrices on the host: who makes them, whether they are reliable, how long they live."""
 
 import abc
+import atexit
 import dataclasses
 import importlib.util
 import itertools
 import threading
 from collections import OrderedDict
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse
@@ -42,16 +44,38 @@ class _SuperLU(HostFactor):
         return self._factors.solve(right_sides)
 
 
+_BYTES_AN_ENTRY = 60
+"""What the packages below take for an entry of a matrix, which they do not tell: a tenfold fill, half of it stored."""
+
+
 class _Cholmod(HostFactor):
-    """Cholesky factors of a real positive definite matrix, from the package cholespy, which orders by itself."""
+    """Cholesky factors by the SuiteSparse of the system, through the package scikit-sparse."""
+
+    def __init__(self, matrix: Any, *, ordered: bool, pivoting: float):
+        del pivoting
+        cholmod: Any = importlib.import_module("sksparse.cholmod")
+        matrix.sort_indices()
+        ordering = "natural" if ordered else "best"
+        try:
+            self._factors = cholmod.analyze(matrix, mode="supernodal", ordering_method=ordering).cholesky(matrix)
+        except cholmod.CholmodError as error:
+            raise ValueError(str(error)) from error
+        self.n_bytes = _BYTES_AN_ENTRY * matrix.nnz
+
+    def solve(self, right_sides: np.ndarray) -> np.ndarray:
+        return self._factors.solve_A(right_sides)
+
+
+class _Cholespy(HostFactor):
+    """Cholesky factors by the package cholespy, whose wheel brings SuiteSparse along and finds an order by itself."""
 
     def __init__(self, matrix: Any, *, ordered: bool, pivoting: float):
         del ordered, pivoting
-        cholespy = importlib.import_module("cholespy")
+        cholespy: Any = importlib.import_module("cholespy")
         self._factors = cholespy.CholeskySolverD(
             matrix.shape[0], matrix.indptr, matrix.indices, matrix.data, cholespy.MatrixType.CSC
         )
-        self.n_bytes = 60 * matrix.nnz  # not told; what half of a tenfold fill takes
+        self.n_bytes = _BYTES_AN_ENTRY * matrix.nnz
 
     def solve(self, right_sides: np.ndarray) -> np.ndarray:
         right_sides = np.ascontiguousarray(right_sides)
@@ -60,18 +84,31 @@ class _Cholmod(HostFactor):
         return solutions
 
 
-_BACKENDS: dict[str, tuple[type, str | None]] = {"superlu": (_SuperLU, None), "cholmod": (_Cholmod, "cholespy")}
+class _Backend(NamedTuple):
+    """How factors are made, what must be importable and what to install for it, and whether matrices may be complex."""
+
+    make: Callable[..., HostFactor]
+    module: str
+    package: str
+    any_symmetric: bool
+
+
+_BACKENDS = {
+    "superlu": _Backend(_SuperLU, "scipy", "scipy", True),
+    "cholmod": _Backend(_Cholmod, "sksparse", "scikit-sparse (and SuiteSparse on the system)", False),
+    "cholespy": _Backend(_Cholespy, "cholespy", "cholespy", False),
+}
 
 
 def check_backend(backend: str, *, complex_valued: bool) -> None:
     """Refuse a backend that is not known, not installed or does not take complex matrices."""
     if backend not in _BACKENDS:
         raise InputError(f"`backend` {backend!r} is not known: take one of {', '.join(_BACKENDS)}.")
-    package = _BACKENDS[backend][1]
-    if package is not None and importlib.util.find_spec(package) is None:
-        raise InputError(f"`backend` {backend!r} needs the package {package}: install it, or take 'superlu'.")
-    if backend == "cholmod" and complex_valued:
-        raise InputError("`backend` 'cholmod' takes real positive definite matrices only: take 'superlu' for complex.")
+    chosen = _BACKENDS[backend]
+    if importlib.util.find_spec(chosen.module) is None:
+        raise InputError(f"`backend` {backend!r} needs the package {chosen.package}: install it, or take 'superlu'.")
+    if complex_valued and not chosen.any_symmetric:
+        raise InputError(f"`backend` {backend!r} takes real positive definite matrices: take 'superlu' for complex.")
 
 
 @dataclasses.dataclass
@@ -162,6 +199,7 @@ class FactorStore:
 
 
 STORE = FactorStore()
+atexit.register(STORE.clear)  # before the modules go that the factors need to end
 
 
 def limit_factor_memory(n_bytes: int) -> None:
@@ -202,7 +240,7 @@ def _reliable_factor(matrix: Any, backend: str, *, ordered: bool) -> HostFactor:
     residual = np.inf
     for pivoting in (1e-3, 1.0):
         try:
-            factor = _BACKENDS[backend][0](matrix, ordered=ordered, pivoting=pivoting)
+            factor = _BACKENDS[backend].make(matrix, ordered=ordered, pivoting=pivoting)
         except (RuntimeError, ValueError) as error:
             raise ValueError(f"{backend} cannot factorise the sparse matrix: {error}. {_SINGULAR}") from error
         residual, condition = _check(matrix, factor)

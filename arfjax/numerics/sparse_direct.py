@@ -54,8 +54,10 @@ def factorise(pattern: Pattern, values: Inexact[Array, " entry"], *, backend: st
     Args:
         pattern: Where its entries are.
         values: Entries, as `pattern.assemble` gives them; in float32 the host works in float64 all the same.
-        backend: "superlu" (comes with scipy, any symmetric matrix), or "cholmod" (real positive definite matrices;
-            needs the package cholespy).
+        backend: "superlu" (comes with scipy, any symmetric matrix), or for real positive definite matrices "cholmod"
+            (package scikit-sparse, which is built against the system's SuiteSparse) or "cholespy" (wheels; it finds
+            an order by itself, so that factors take twice as long). On 130 000 unknowns of a mesh, seconds for factors
+            and for a solve, one core: 1.15 and 0.042; 1.05 and 0.028; 2.4 and 0.024.
 
     Raises:
         InputError: if the backend is not known or not installed, or the matrix is of a kind that it does not take.

@@ -205,15 +205,18 @@ def test_patterns_that_cannot_be_solved_are_refused():
         factorise(PATTERN, PATTERN.assemble(element_matrices()), backend="magic")
 
 
-def test_cholmod_agrees_or_says_what_to_install():
+@pytest.mark.parametrize(("backend", "module"), [("cholmod", "sksparse"), ("cholespy", "cholespy")])
+def test_other_backends_agree_or_say_what_to_install(backend, module):
     values = PATTERN.assemble(element_matrices())
-    if importlib.util.find_spec("cholespy") is None:
-        with pytest.raises(InputError, match="needs the package cholespy"):
-            factorise(PATTERN, values, backend="cholmod")
+    if importlib.util.find_spec(module) is None:
+        with pytest.raises(InputError, match=f"'{backend}' needs the package .*: install it"):
+            factorise(PATTERN, values, backend=backend)
         return
     expected = compiled(element_matrices(), right_side(), PATTERN)
     np.testing.assert_allclose(
-        linear_solve(PATTERN, values, right_side(), backend="cholmod"), expected, rtol=1e-10, atol=1e-13
+        linear_solve(PATTERN, values, right_side(), backend=backend), expected, rtol=1e-10, atol=1e-13
     )
     with pytest.raises(InputError, match="real positive definite"):
-        factorise(PATTERN, values.astype(complex), backend="cholmod")
+        factorise(PATTERN, values.astype(complex), backend=backend)
+    with pytest.raises(Exception, match=f"{backend} cannot factorise"):
+        jax.block_until_ready(factorise(PATTERN, -values, backend=backend).handle)

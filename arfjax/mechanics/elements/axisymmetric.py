@@ -15,9 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
+from arfjax.mechanics.elements.matrices import deviatoric_stiffness_of, mass_of, metric_of, volumetric_stiffness_of
 from arfjax.mechanics.elements.mesh import N_GAUSS, Mesh
 from arfjax.numerics.assembly import apply_elements, scatter
-from arfjax.numerics.elements import linear_pressure, product, quadratic, quadratic_slope
+from arfjax.numerics.elements import product, quadratic, quadratic_slope
 from arfjax.numerics.quadrature import gauss_legendre
 
 _POINTS, _WEIGHTS = gauss_legendre(N_GAUSS)
@@ -41,7 +42,7 @@ def _shape_values() -> Float[Array, "9 9"]:
     return product(quadratic(_POINTS), quadratic(_POINTS))
 
 
-def strains(mesh: Mesh, displacement: Float[Array, "ez er 9 2"]) -> Float[Array, "ez er 9 4"]:
+def strains(mesh: Mesh, displacement: Inexact[Array, "ez er 9 2"]) -> Inexact[Array, "ez er 9 4"]:
     """Strains rr, zz, tt, rz at the Gauss points from the displacement at the nodes of each element."""
     r_sizes = jnp.asarray(mesh.r_edges[1:] - mesh.r_edges[:-1], dtype=float)
     z_sizes = jnp.asarray(mesh.z_edges[1:] - mesh.z_edges[:-1], dtype=float)
@@ -60,14 +61,6 @@ def deviator(strain: Inexact[Array, "*point 4"]) -> Inexact[Array, "*point 4"]:
     return strain - jnp.concatenate([third, third, third, jnp.zeros_like(third)], axis=-1)
 
 
-def strain_matrices(mesh: Mesh) -> Float[Array, "ez er 9 4 18"]:
-    """The strains of each unit displacement of each element."""
-    n_r, n_z = mesh.shape
-    units = jnp.eye(18).reshape(18, 9, 2)
-    on_every_element = jax.vmap(lambda unit: strains(mesh, jnp.broadcast_to(unit, (n_z, n_r, 9, 2))), out_axes=-1)
-    return on_every_element(units)
-
-
 def mass_matrices(mesh: Mesh, density: Float[Array, "ez er 9"]) -> Float[Array, "ez er 9 9"]:
     """Consistent mass of each element [kg], the same for both components."""
     return mass_of(density * volume_weights(mesh))
@@ -75,58 +68,12 @@ def mass_matrices(mesh: Mesh, density: Float[Array, "ez er 9"]) -> Float[Array, 
 
 def deviatoric_stiffness(mesh: Mesh, shear_modulus: Float[Array, "ez er 9"]) -> Float[Array, "ez er 18 18"]:
     """Element stiffness [N/m] against change of shape."""
-    return deviatoric_stiffness_of(strain_matrices(mesh), shear_modulus * volume_weights(mesh))
+    return deviatoric_stiffness_of(metric_of(mesh), shear_modulus * volume_weights(mesh))
 
 
 def volumetric_stiffness(mesh: Mesh, bulk_modulus: Float[Array, "ez er 9"]) -> Float[Array, "ez er 18 18"]:
     """Element stiffness [N/m] against change of volume, the linear pressure condensed."""
-    return volumetric_stiffness_of(strain_matrices(mesh), volume_weights(mesh), bulk_modulus)
-
-
-def mass_of(masses: Inexact[Array, "ez er 9"]) -> Inexact[Array, "ez er 9 9"]:
-    """Consistent mass of each element from the mass [kg] of each Gauss point."""
-    values = _shape_values()
-    return jnp.einsum("zrg,gi,gj->zrij", masses, values, values)
-
-
-def deviatoric_stiffness_of(
-    basis: Inexact[Array, "ez er 9 4 18"], stiffness: Inexact[Array, "ez er 9"]
-) -> Inexact[Array, "ez er 18 18"]:
-    """Element stiffness [N/m] against change of shape, symmetric also where strains are complex.
-
-    Args:
-        basis: Strains of each unit displacement, as `strain_matrices` gives them.
-        stiffness: Shear modulus times volume [N m] of each Gauss point.
-    """
-    shape_change = jnp.moveaxis(deviator(jnp.moveaxis(basis, -1, 0)), 0, -1)
-    stress = stiffness[..., None] * STRESS_OVER_STRAIN[None, None, None, :]
-    return jnp.einsum("zrgci,zrgcj->zrij", shape_change * stress[..., None], shape_change)
-
-
-def volumetric_stiffness_of(
-    basis: Inexact[Array, "ez er 9 4 18"],
-    weights: Inexact[Array, "ez er 9"],
-    bulk_modulus: Inexact[Array, "ez er 9"],
-) -> Inexact[Array, "ez er 18 18"]:
-    """Element stiffness [N/m] against change of volume, symmetric also where strains are complex.
-
-    Args:
-        basis: Strains of each unit displacement, as `strain_matrices` gives them.
-        weights: Volume [m^3] of each Gauss point.
-        bulk_modulus: [Pa].
-    """
-    pressure = linear_pressure(_POINTS, _POINTS)
-    dilatation = jnp.sum(basis[:, :, :, :3], axis=3)
-    coupling = jnp.einsum("zrg,gp,zrgi->zrpi", weights, pressure, dilatation)
-    compliance = jnp.einsum("zrg,gp,gq->zrpq", weights / bulk_modulus, pressure, pressure)
-    return jnp.einsum("zrpi,zrpq,zrqj->zrij", coupling, _inverse(compliance), coupling)
-
-
-def _inverse(matrices: Inexact[Array, "*element 3 3"]) -> Inexact[Array, "*element 3 3"]:
-    """Inverse of symmetric 3 x 3 matrices by cofactors: the compliance of an element is far from singular."""
-    rows = [matrices[..., i, :] for i in range(3)]
-    cofactors = jnp.stack([jnp.cross(rows[1], rows[2]), jnp.cross(rows[2], rows[0]), jnp.cross(rows[0], rows[1])], -2)
-    return cofactors / jnp.sum(cofactors[..., 0, :] * rows[0], axis=-1)[..., None, None]
+    return volumetric_stiffness_of(metric_of(mesh), volume_weights(mesh), bulk_modulus)
 
 
 def internal_force(mesh: Mesh, stress: Float[Array, "ez er 9 4"]) -> Float[Array, "row column 2"]:

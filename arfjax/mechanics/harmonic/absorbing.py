@@ -22,11 +22,12 @@ from jaxtyping import Array, Complex, Float, Inexact
 
 from arfjax.errors import InputError
 from arfjax.grid import graded_positions
-from arfjax.mechanics.elements.axisymmetric import (
+from arfjax.mechanics.elements.axisymmetric import volume_weights
+from arfjax.mechanics.elements.matrices import (
+    Metric,
     deviatoric_stiffness_of,
     mass_of,
-    strain_matrices,
-    volume_weights,
+    metric_of,
     volumetric_stiffness_of,
 )
 from arfjax.mechanics.elements.mesh import N_GAUSS, Mesh, Wall, Walls
@@ -150,19 +151,11 @@ class StretchedMesh(eqx.Module):
         rings = np.tile(along_r[:, None] * self._radius_ratio(), (1, N_GAUSS))
         return volume_weights(self.mesh) * (along_z[:, None, None] * rings[None, :, :])
 
-    def strain_matrices(self) -> Complex[Array, "ez er 9 4 18"]:
-        """Strains rr, zz, tt, rz of each unit displacement, derivatives and radius stretched."""
+    def metric(self) -> Metric:
+        """Lengths of the elements, stretched."""
         along_r, along_z = self._stretch()
-        n_r, n_z = self.mesh.shape
-        shape = (n_z, n_r, N_GAUSS**2)
-        by_r = np.broadcast_to(1.0 / along_r[None, :, None], shape)
-        by_z = np.broadcast_to(1.0 / along_z[:, None, None], shape)
-        by_radius = np.broadcast_to(1.0 / np.tile(self._radius_ratio(), (1, N_GAUSS))[None], shape)
-        radial = np.stack([by_r, by_r, by_radius, by_z], axis=-1)  # of the radial displacement in each strain
-        axial = np.stack([by_z, by_z, by_z, by_r], axis=-1)  # of the axial displacement
-        scale = np.stack([radial, axial], axis=-1)[..., None, :]
-        real = strain_matrices(self.mesh)
-        return (real.reshape(*shape, 4, 9, 2) * scale).reshape(real.shape)
+        real, ratio = metric_of(self.mesh), np.tile(self._radius_ratio(), (1, N_GAUSS))
+        return Metric(real.over_r / along_r, real.over_z / along_z, real.over_radius / ratio)
 
 
 def stretched(mesh: Mesh, layer: AbsorbingLayer | None) -> StretchedMesh:
@@ -191,9 +184,9 @@ def dynamic_stiffness(
     angular_frequency: Float[Array, ""],
 ) -> Complex[Array, "ez er 18 18"]:
     """Complex symmetric matrix [N/m] of each element: stiffness less inertia, the linear pressure condensed."""
-    weights, basis = space.volume_weights(), space.strain_matrices()
+    weights, metric = space.volume_weights(), space.metric()
     inertia = mass_of(angular_frequency**2 * density * weights)
     both = jnp.einsum("zrij,cd->zricjd", inertia, jnp.eye(2, dtype=inertia.dtype))
-    stiffness = deviatoric_stiffness_of(basis, shear_modulus * weights)
-    stiffness = stiffness + volumetric_stiffness_of(basis, weights, bulk_modulus)
+    stiffness = deviatoric_stiffness_of(metric, shear_modulus * weights)
+    stiffness = stiffness + volumetric_stiffness_of(metric, weights, bulk_modulus)
     return stiffness - both.reshape(stiffness.shape)

@@ -13,7 +13,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Complex, Float
 
 from arfjax.errors import InputError
-from arfjax.mechanics.elements.axisymmetric import STRESS_OVER_STRAIN, deviator, load, volume_weights
+from arfjax.mechanics.elements.axisymmetric import STRESS_OVER_STRAIN, deviator, load, strains, volume_weights
 from arfjax.mechanics.elements.mesh import Mesh, interpolation_weights
 from arfjax.mechanics.elements.pattern import displacement_pattern
 from arfjax.mechanics.harmonic.absorbing import AbsorbingLayer, StretchedMesh, dynamic_stiffness, stretched
@@ -148,8 +148,7 @@ def power_balance(
     problem = _pose(mesh, material, axial_force, radial_force, frequency, layer)
     nodal = problem.solve()
     tissue, elements = problem.space.tissue, problem.of_elements(nodal)
-    strains = problem.space.strain_matrices()[tissue]
-    shape_change = deviator(jnp.einsum("zrgci,zri->zrgc", strains, elements[tissue]))
+    shape_change = deviator(strains(problem.space.mesh, elements.reshape(*elements.shape[:2], 9, 2))[tissue])
     squared = jnp.einsum("c,zrgc->zrg", STRESS_OVER_STRAIN, jnp.abs(shape_change) ** 2)
     loss = problem.shear_modulus.imag * volume_weights(problem.space.mesh)
     work = jnp.einsum("zri,zrij,zrj->zr", elements.conj(), problem.matrices, elements).imag

@@ -292,11 +292,11 @@ def matrix_of_a_step(
     return pattern.assemble(total.reshape(-1, *total.shape[2:]))
 
 
-def factor_of_a_step(mesh: Mesh, scheme: Scheme, material: ViscoelasticField) -> Factor:
+def factor_of_a_step(mesh: Mesh, scheme: Scheme, material: ViscoelasticField, *, backend: str = "superlu") -> Factor:
     """Factors for `march`."""
     pattern = displacement_pattern(mesh)
     material = jax.lax.stop_gradient(material)
-    return factorise(pattern, matrix_of_a_step(mesh, scheme, material, pattern))
+    return factorise(pattern, matrix_of_a_step(mesh, scheme, material, pattern), backend=backend)
 
 
 def acceleration(mesh: Mesh, solid: Solid, force: Nodal) -> Nodal:

@@ -46,12 +46,14 @@ class PushSettings(eqx.Module):
             given).
         spectral_radius: Of the amplification at high frequencies, from 0 (strongest numerical damping) to 1 (none:
             energy is conserved).
+        backend: Of the sparse solves, see `factorise`.
     """
 
     time_step: float = eqx.field(static=True)
     n_steps: int = eqx.field(static=True)
     push_duration: float = eqx.field(static=True, default=math.inf)
     spectral_radius: float = eqx.field(static=True, default=0.8)
+    backend: str = eqx.field(static=True, default="superlu")
 
     def __check_init__(self) -> None:
         """Refuse steps that are not positive and a push that ends between two steps."""
@@ -152,7 +154,8 @@ def solve_push(
     in_balance = scheme.old_stress * ends[:, 0] + (1.0 - scheme.old_stress) * ends[:, 1]
     jumps = ends[:, 0] - jnp.concatenate([jnp.zeros_like(ends[:1, 1]), ends[:-1, 1]])
     loads = Loads(in_balance[:, None, None, None] * force[None], jumps, acceleration(mesh, solid, force))
-    changes = march(mesh, scheme, solid, factor_of_a_step(mesh, scheme, material), loads)
+    factor = factor_of_a_step(mesh, scheme, material, backend=settings.backend)
+    changes = march(mesh, scheme, solid, factor, loads)
     return _result(mesh, settings, changes, _final_velocity(scheme, loads, changes), points)
 
 
