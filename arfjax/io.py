@@ -310,7 +310,7 @@ def vibration_dataset(result: Vibration, temperature: float, *, frequency: float
         "temperature_degc": temperature,
         "modulation_frequency_hz": frequency,
         "focal_peak_to_peak_m": float(result.peak_to_peak),
-        "left_out_harmonics_bound_m": float(result.left_out),
+        "left_out_harmonics_m": float(result.left_out),
         "absorbing_layer_relative_error": layer_error,
         **_lesion_attributes(result.lesion),
     }

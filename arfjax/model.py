@@ -70,6 +70,8 @@ class Lesion(eqx.Module):
         size: Where length and diameter come from.
         edge: How the constants go from the lesion's to liver's: linearly from centre to surface as in the paper, by a
             step of some width at the surface (narrower in a lesion that is itself smaller), or by the dose itself.
+            It matters: at 65 and 70 degC the paper's push moves the focus 36 and 41 percent less with a step of 0.5
+            mm than linearly, and 32 and 41 percent less with the dose's own shape (lesion sized by dose).
     """
 
     viscoelasticity: ViscoelasticLaw
@@ -98,7 +100,8 @@ class Model(eqx.Module):
             not say.
         poisson_ratio: Of liver and lesion, at instantaneous loading [1].
         walls: What holds the liver's surface in a push; all of it as in the paper if not given. Bottom is the front.
-        outer_layer: Elements around the liver that stand for more of it, in a push; none if not given.
+        outer_layer: Elements around the liver that stand for more of it, in a push; none if not given. Neither they
+            nor the walls change the paper's displacement at 0.5 ms by more than 4e-6: no wave has come back by then.
     """
 
     bowl: FocusedBowl

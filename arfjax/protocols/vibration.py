@@ -11,6 +11,7 @@ The mean of the motion is left out. It is the static answer of the relaxed shear
 import math
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
@@ -72,7 +73,7 @@ class Vibration(eqx.Module):
         harmonic: Numbers of the harmonics that the force has, from 1.
         focal_amplitude: Amplitude [m] of each at the focus; its phase is against the middle of the strongest force.
         peak_to_peak: At the focus [m], as harmonic motion imaging reports it.
-        left_out: What the harmonics left out could change that by [m]; see `solve_periodic`.
+        left_out: What the harmonics left out could change that by [m], if inertia rules their motion; see `vibrate`.
         r: Radii of the map [m]: the nodes of the mesh.
         z: Axial positions of the map [m].
         peak_to_peak_map: [m].
@@ -188,7 +189,9 @@ def vibrate(
         | 40 degC, no lesion | -6 % | -1.4 % | 0.4 % | 0.9 % | 0.8 % | 0.3 % | 0.05 % | -0.01 % | -0.2 % |
         | 70 degC, lesion | -7 % | -2.5 % | -1.5 % | -1.2 % | -1.0 % | -0.9 % | -0.7 % | -0.5 % | -0.9 % |
 
-        So 15 are the default: within 1 %. `left_out` bounds what is missing.
+        So 15 are the default: within 1 %. `left_out` supposes that motion per force falls with the square of the
+        frequency from the last harmonic on. Without a lesion it bounds the error, 5 to 20 times; beside a lesion of 70
+        degC, which resonates at about 1 kHz, it gives 0.15 to 0.4 % at N = 15 where 0.7 % is missing.
     Differentiability: in the model, forward and reverse, wherever lesion and modulation have slopes; `left_out` is
         held.
     """
@@ -264,9 +267,11 @@ def _at_any_frequency(model: Model, temperature: Scalar, solid: Solid, shape: tu
 
 def _shortest_wave(model: Model, temperature: float, frequency: float) -> float:
     """Length [m] of shear waves in liver or at the lesion's centre, whichever is shorter."""
-    lengths = []
-    for share in (0.0, 1.0):
-        solid = heated_solid(model, jnp.asarray(temperature), jnp.full((1, 1), share))
-        field = _at_any_frequency(model, temperature, solid, (1, 1)).at_frequency(2.0 * math.pi * frequency)
-        lengths.append(float(shear_wavelength(field, frequency)[0, 0]))
-    return min(lengths)
+
+    @jax.jit  # traced, the lesion's laws do not warn where there is no lesion yet
+    def lengths(at: Array) -> Array:
+        solid = heated_solid(model, at, jnp.asarray([[0.0, 1.0]]))
+        field = _at_any_frequency(model, at, solid, (1, 2)).at_frequency(2.0 * math.pi * frequency)
+        return jnp.asarray(shear_wavelength(field, frequency))
+
+    return float(jnp.min(lengths(jnp.asarray(temperature))))

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import typer
 import xarray as xr
@@ -78,11 +79,13 @@ def vibrate_command(
             given: dict[str, Any] = {"heating": heating, "frequency": frequency_hz, "vibration": chosen}
             step("vibration")
             result = eqx.filter_jit(
-                lambda model: vibrate(model, temperature, protocol, settings, modulation=course, **given)
-            )(model)
+                lambda model, at: vibrate(model, at, protocol, settings, modulation=course, **given)
+            )(model, jnp.asarray(temperature))
             step("error of the layer")
-            error = eqx.filter_jit(lambda model: vibration_layer_error(model, temperature, protocol, settings, **given))
-            data = vibration_dataset(result, temperature, frequency=frequency_hz, layer_error=float(error(model)))
+            error = eqx.filter_jit(lambda model, at: vibration_layer_error(model, at, protocol, settings, **given))(
+                model, jnp.asarray(temperature)
+            )
+            data = vibration_dataset(result, temperature, frequency=frequency_hz, layer_error=float(error))
         data.attrs |= {
             "title": described.title,
             "acoustic_power_w": float(model.drive.acoustic_power),
@@ -162,28 +165,24 @@ def _notes(described: Experiment, settings: Discretisation, data: xr.Dataset) ->
         notes.append("sound is nonlinear: where the beam is weaker, its force is taken in proportion to intensity.")
     error = data.attrs["absorbing_layer_relative_error"]
     if error > _LOUD_LAYER:
-        notes.append(
-            f"the absorbing layer is too thin for waves this long: it makes an error of {100.0 * error:.1f} %."
-        )
+        notes.append(f"the absorbing layer is too thin for waves this long: its error is {100.0 * error:.1f} %.")
     return notes
 
 
 def _rows(data: xr.Dataset) -> list[tuple[str, str]]:
     attributes = data.attrs
     amplitude, phase = (data[f"vibration_{name}"].to_numpy() for name in ("amplitude", "phase"))
-    shown = list(zip(data["vibration_harmonic"].to_numpy(), amplitude, phase, strict=True))[:_SHOWN]
-    left_out = attributes["left_out_harmonics_bound_m"]
+    frequencies = data["vibration_harmonic"].to_numpy() * attributes["modulation_frequency_hz"]
+    tones = [
+        (f"amplitude and phase at {frequency:g} Hz", f"{1e6 * height:.3f} um, {angle:.2f} rad")
+        for frequency, height, angle in zip(frequencies, amplitude, phase, strict=True)
+    ]
+    left_out = attributes["left_out_harmonics_m"]
     return [
         ("peak-to-peak displacement at the focus", f"{1e6 * attributes['focal_peak_to_peak_m']:.3f} um"),
-        *(
-            (
-                f"amplitude and phase at {n * attributes['modulation_frequency_hz']:g} Hz",
-                f"{1e6 * a:.3f} um, {p:.2f} rad",
-            )
-            for n, a, p in shown
-        ),
-        ("harmonics left out change it by at most", f"{1e6 * left_out:.3f} um" if left_out else "none are"),
-        ("error of the absorbing layer", f"{100.0 * attributes['absorbing_layer_relative_error']:.2f} %"),
+        *tones[:_SHOWN],
+        ("harmonics left out, if inertia rules them", f"at most {1e6 * left_out:.3f} um" if left_out else "none"),
+        ("error of the absorbing layer", f"{100.0 * attributes['absorbing_layer_relative_error']:.1g} %"),
         ("lesion", f"{1e3 * attributes['lesion_length_m']:.1f} x {1e3 * attributes['lesion_diameter_m']:.1f} mm"),
     ]
 
@@ -194,7 +193,7 @@ def _results(data: xr.Dataset) -> dict[str, dict[str, Any]]:
         "harmonics": {"value": data["vibration_harmonic"].to_numpy().tolist(), "unit": "1"},
         "amplitude": {"value": data["vibration_amplitude"].to_numpy().tolist(), "unit": "m"},
         "phase": {"value": data["vibration_phase"].to_numpy().tolist(), "unit": "rad"},
-        "left_out_harmonics_bound": quantity(data.attrs["left_out_harmonics_bound_m"], "m"),
+        "left_out_harmonics": quantity(data.attrs["left_out_harmonics_m"], "m"),
         "absorbing_layer_relative_error": quantity(data.attrs["absorbing_layer_relative_error"], "1"),
         "lesion_length": quantity(data.attrs["lesion_length_m"], "m"),
         "lesion_diameter": quantity(data.attrs["lesion_diameter_m"], "m"),

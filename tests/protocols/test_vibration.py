@@ -103,14 +103,17 @@ def test_motion_goes_with_the_force(shaken, of_intensity):
 @pytest.mark.slow
 def test_harmonics_are_those_of_the_modulation(shaken, of_intensity):
     """The fundamental's motion per force is the same in all; a square has no even ones at a duty cycle of one half."""
-    pressure, square = shaken(SinePressure()), shaken(Square(), settings=dataclasses.replace(COARSE, n_harmonics=5))
+    pressure, square = (
+        shaken(SinePressure()),
+        shaken(Square(), settings=dataclasses.replace(COARSE, n_harmonics=5, n_instants=801)),
+    )
     assert pressure.harmonic == (1, 2) and square.harmonic == (1, 3, 5)
     first = complex(of_intensity.focal_amplitude[0]) / 0.5
     np.testing.assert_allclose(complex(pressure.focal_amplitude[0]), 0.5 * first, rtol=1e-9)
     np.testing.assert_allclose(complex(square.focal_amplitude[0]), 2.0 / np.pi * first, rtol=1e-9)
     assert 0.0 < float(square.left_out) < 0.2 * float(square.peak_to_peak)
     spread = float(np.ptp(np.asarray(square.focal_displacement)))
-    np.testing.assert_allclose(spread, square.peak_to_peak, rtol=2e-3)
+    np.testing.assert_allclose(spread, square.peak_to_peak, rtol=1e-4)
 
 
 @pytest.mark.slow
@@ -162,7 +165,8 @@ def test_gradient_of_the_peak_to_peak(heating):
             ).peak_to_peak
         )
 
-    assert_gradient_of_each_leaf(peak_to_peak, constants)
+    # Large steps, because what the lesion's relaxed modulus changes is a millionth of the motion.
+    assert_gradient_of_each_leaf(peak_to_peak, constants, step=1e-2)
 
 
 def test_reverse_mode_equals_forward_mode_through_the_heating():
