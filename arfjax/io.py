@@ -300,8 +300,8 @@ def vibration_dataset(result: Vibration, temperature: float, *, frequency: float
         "relative_force": (("modulation_time",), np.asarray(result.focal_force)),
     }
     coordinates = {
-        "r": result.r,
-        "z": result.z,
+        "r": np.asarray(result.r),
+        "z": np.asarray(result.z),
         "vibration_harmonic": np.asarray(result.harmonic),
         "modulation_time": np.asarray(result.time),
     }

@@ -181,7 +181,7 @@ def vibrate(
         vibration: Mesh, layer and harmonics, such as from `resolving`.
 
     Accuracy: peak-to-peak at the focus, the paper's case at 50 Hz, mesh of `resolving`. One harmonic: 1e-3 (against
-        elements of 0.5 mm and 0.2 mm about the focus), to which the layer adds 6e-4. Square modulation with a duty
+        elements of 0.5 mm and 0.2 mm about the focus), to which the layer adds 2e-4. Square modulation with a duty
         cycle of one half, with harmonics up to N, against 31 of them on elements of 0.12 mm (for the seventh and up):
 
         | N | 1 | 3 | 5 | 7 | 9 | 11 | 15 | 19 | 15, mesh of `resolving` |

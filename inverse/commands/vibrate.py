@@ -22,6 +22,7 @@ from arfjax import (
     read_experiment,
     simulate_heating,
 )
+from arfjax.experiment.mechanics import Mechanics
 from arfjax.io import vibration_dataset, write_netcdf
 from arfjax.mechanics.harmonic.modulation import Modulation
 from arfjax.protocols.vibration import resolving, vibrate, vibration_layer_error
@@ -163,6 +164,9 @@ def _notes(described: Experiment, settings: Discretisation, data: xr.Dataset) ->
     notes = ["the mean displacement is left out: it takes the tissue's relaxed modulus many relaxation times to show."]
     if settings.march.n_harmonics > 1 and not data.attrs["modulation"].startswith("square"):
         notes.append("sound is nonlinear: where the beam is weaker, its force is taken in proportion to intensity.")
+    mechanics = described.mechanics
+    if mechanics.outer_layers_mm is not None or mechanics.walls != Mechanics().walls:
+        notes.append("walls and outer layers play no part: tissue goes on without end in an absorbing layer.")
     error = data.attrs["absorbing_layer_relative_error"]
     if error > _LOUD_LAYER:
         notes.append(f"the absorbing layer is too thin for waves this long: its error is {100.0 * error:.1f} %.")
@@ -177,13 +181,13 @@ def _rows(data: xr.Dataset) -> list[tuple[str, str]]:
         (f"amplitude and phase at {frequency:g} Hz", f"{1e6 * height:.3f} um, {angle:.2f} rad")
         for frequency, height, angle in zip(frequencies, amplitude, phase, strict=True)
     ]
-    left_out = attributes["left_out_harmonics_m"]
+    left_out, length = attributes["left_out_harmonics_m"], attributes["lesion_length_m"]
     return [
         ("peak-to-peak displacement at the focus", f"{1e6 * attributes['focal_peak_to_peak_m']:.3f} um"),
         *tones[:_SHOWN],
         ("harmonics left out, if inertia rules them", f"at most {1e6 * left_out:.3f} um" if left_out else "none"),
         ("error of the absorbing layer", f"{100.0 * attributes['absorbing_layer_relative_error']:.1g} %"),
-        ("lesion", f"{1e3 * attributes['lesion_length_m']:.1f} x {1e3 * attributes['lesion_diameter_m']:.1f} mm"),
+        ("lesion", f"{1e3 * length:.1f} x {1e3 * attributes['lesion_diameter_m']:.1f} mm" if length else "none"),
     ]
 
 

@@ -108,6 +108,7 @@ def test_the_outer_layer_is_around_the_liver(wide):
     assert followed.z_edges[0] == pytest.approx(42.6e-3 - 5.0) and followed.walls == model.walls
 
 
+@pytest.mark.slow
 def test_force_ends_with_the_liver_and_the_push_does_not_feel_what_is_beyond(wide):
     """No wave has come back from a wall after 0.5 ms."""
 

@@ -126,7 +126,8 @@ def test_gradient_of_the_peak_to_peak(heating):
         "liver M_0": liver.relaxed_modulus.value,
         "liver M_inf - M_0": liver.branch_modulus.value,
         "liver tau": liver.relaxation_time.value,
-        "lesion M_0": lesion.relaxed_modulus.value,
+        # Table 3's times a hundred: of a few Pa, a difference would be lost in rounding.
+        "lesion M_0": 100.0 * lesion.relaxed_modulus.value,
         "lesion M_inf - M_0": lesion.branch_modulus.value,
         "lesion tau": lesion.relaxation_time.value,
     }
@@ -165,10 +166,10 @@ def test_gradient_of_the_peak_to_peak(heating):
             ).peak_to_peak
         )
 
-    # Large steps, because what the lesion's relaxed modulus changes is a millionth of the motion.
-    assert_gradient_of_each_leaf(peak_to_peak, constants, step=1e-2)
+    assert_gradient_of_each_leaf(peak_to_peak, constants, step=3e-3)
 
 
+@pytest.mark.slow
 def test_reverse_mode_equals_forward_mode_through_the_heating():
     """The lesion's size included, which the attenuation changes by way of dose."""
 
