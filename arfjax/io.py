@@ -22,7 +22,9 @@ from arfjax.laws import SMALLEST_DAMAGE
 from arfjax.protocols.shear_wave import WatchedPush
 from arfjax.protocols.sonication import SonicationResult
 from arfjax.protocols.stepwise import Heating, StepwiseProtocol, StepwiseResult
+from arfjax.protocols.vibration import Vibration
 from arfjax.thermal.bioheat import TemperatureHistory, focal_temperature, on_axis
+from arfjax.thermal.lesion import LesionSize
 
 MAPPED_HARMONICS = 5
 """How many harmonics data sets hold as maps; of the others the axis and the focal plane are there."""
@@ -68,6 +70,11 @@ VARIABLES = {
     "focal_displacement": ("m", "displacement at the geometric focus during the push"),
     "displacement_map": ("m", "displacement along the push"),
     "shear_wave_arrival": ("s", "time since the start of the push at which displacement in the focal plane is largest"),
+    "peak_to_peak_displacement": ("m", "peak-to-peak displacement along the beam, over a period of the modulation"),
+    "vibration_amplitude": ("m", "amplitude of each harmonic of the displacement at the geometric focus"),
+    "vibration_phase": ("rad", "phase of each against the middle of the strongest force, that of exp(+i omega t)"),
+    "focal_vibration": ("m", "displacement at the geometric focus, from its mean over the period"),
+    "relative_force": ("1", "radiation force over the largest in the period"),
     "displacement": ("m", "displacement at the geometric focus at the end of the push"),
     "displacement_percent": ("percent", "displacement normalised to the reference temperature"),
     "sonication_time": ("s", "time at which the sonication reaches the step's temperature"),
@@ -88,6 +95,8 @@ COORDINATES = {
     "heating_time": ("s", "time since the start of the sonication"),
     "push_time": ("s", "time since the start of the push"),
     "course_time": ("s", "time since the start of the push, of the course at the focus"),
+    "vibration_harmonic": ("1", "number of the harmonic of the modulation"),
+    "modulation_time": ("s", "time since the middle of the strongest force"),
     "step_temperature": ("degC", "temperature of liver and focus in each step"),
 }
 """Standard names of the coordinates: unit and long name."""
@@ -275,11 +284,45 @@ def push_dataset(result: WatchedPush, temperature: float) -> xr.Dataset:
     dataset.attrs |= {
         "temperature_degc": temperature,
         "shear_wave_speed_m_s": float(result.speed),
-        "lesion_length_m": float(result.lesion.length),
-        "lesion_diameter_m": float(result.lesion.diameter),
-        "lesion_centre_m": float(result.lesion.centre),
+        **_lesion_attributes(result.lesion),
     }
     return dataset
+
+
+def vibration_dataset(result: Vibration, temperature: float, *, frequency: float, layer_error: float) -> xr.Dataset:
+    """Map of peak-to-peak displacement, harmonics and course of a period at the focus, and how far they are exact."""
+    amplitude = np.asarray(result.focal_amplitude)
+    variables = {
+        "peak_to_peak_displacement": (("r", "z"), np.asarray(result.peak_to_peak_map)),
+        "vibration_amplitude": (("vibration_harmonic",), np.abs(amplitude)),
+        "vibration_phase": (("vibration_harmonic",), np.angle(amplitude)),
+        "focal_vibration": (("modulation_time",), np.asarray(result.focal_displacement)),
+        "relative_force": (("modulation_time",), np.asarray(result.focal_force)),
+    }
+    coordinates = {
+        "r": np.asarray(result.r),
+        "z": np.asarray(result.z),
+        "vibration_harmonic": np.asarray(result.harmonic),
+        "modulation_time": np.asarray(result.time),
+    }
+    dataset = labelled(variables, coordinates)
+    dataset.attrs |= {
+        "temperature_degc": temperature,
+        "modulation_frequency_hz": frequency,
+        "focal_peak_to_peak_m": float(result.peak_to_peak),
+        "left_out_harmonics_m": float(result.left_out),
+        "absorbing_layer_relative_error": layer_error,
+        **_lesion_attributes(result.lesion),
+    }
+    return dataset
+
+
+def _lesion_attributes(lesion: LesionSize) -> dict[str, float]:
+    return {
+        "lesion_length_m": float(lesion.length),
+        "lesion_diameter_m": float(lesion.diameter),
+        "lesion_centre_m": float(lesion.centre),
+    }
 
 
 def write_netcdf(dataset: xr.Dataset, path: Path) -> None:

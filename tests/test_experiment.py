@@ -7,14 +7,30 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from arfjax import DoseSize, InputError, ShearModulus, TabulatedSize, YoungModulus, discretise, read_experiment
+from arfjax import (
+    DoseSize,
+    InputError,
+    LinearEdge,
+    OuterLayer,
+    SharpEdge,
+    ShearModulus,
+    TabulatedSize,
+    Wall,
+    YoungModulus,
+    discretise,
+    read_experiment,
+)
 from arfjax.acoustics.diffraction import ExactOneWay, Pade11, Pade12, Parabolic
 from arfjax.acoustics.sources.projected_bowl import ProjectedBowl
+from arfjax.mechanics.elements.mesh import Walls
+from arfjax.mechanics.material.viscoelastic import ConstrainedModulus
+from arfjax.model import DamageEdge
 from inverse.datasets.shipped import shipped
 from tests.mutations import mutations
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "suomi2016.toml"
 GOOD = EXAMPLE.read_text(encoding="utf-8")
+BY_DOSE = GOOD[GOOD.index('size = "dose"') : GOOD.index('"linear"')] + '"linear"'
 TEMPERATURES = "[35.0, 40.0, 45.0, 50.0, 55.0, 60.0, 65.0, 70.0]"
 
 
@@ -86,6 +102,28 @@ def test_choices_and_defaults(tmp_path):
     assert (model.poisson_ratio, model.bowl.hole_radius, model.liver_thickness) == (0.499, 0.0, 40e-3)
     assert float(model.liver.perfusion_rate(37.0)) == 0.0
     assert float(read_experiment(EXAMPLE).model().liver.perfusion_rate(37.0)) > 0.0
+
+
+def test_surroundings_and_edges(tmp_path):
+    """The paper's by default; every other choice reaches the model."""
+    model = read_experiment(EXAMPLE).model()
+    assert model.walls == Walls(True, True, True) and model.outer_layer is None
+    assert isinstance(model.lesion.edge, LinearEdge)
+    text = changed(
+        ('modulus = "young"', 'modulus = "constrained"'),
+        ('outer = "fixed", front = "fixed", back = "fixed"', 'outer = "free", front = "sliding"'),
+        ("# outer_layers_mm", "outer_layers_mm"),
+        ("= 5.0 adds", "= 5.0  # adds"),
+        ('edge = "linear"', 'edge = "damage"'),
+    )
+    other = read_experiment(write(tmp_path, text)).model()
+    assert isinstance(other.modulus_reading, ConstrainedModulus) and isinstance(other.lesion.edge, DamageEdge)
+    assert other.walls == Walls(outer=Wall.FREE, bottom=Wall.SLIDING, top=Wall.FIXED)
+    assert other.outer_layer == OuterLayer(5e-3)
+    table = BY_DOSE, 'size = "table"\ntable_sizes_are = "semi-axes"\nedge = "sharp"'
+    doubled = read_experiment(write(tmp_path, changed(table))).model().lesion
+    assert isinstance(doubled.edge, SharpEdge)
+    np.testing.assert_allclose([doubled.size.length(65.0), doubled.size.diameter(65.0)], [10e-3, 2.4e-3])
 
 
 def test_the_sonication_of_the_example_and_its_choices(tmp_path):
@@ -184,7 +222,7 @@ UNKNOWN = {
     ),
     "like nothing": (
         ('size = "dose"', "xyzzy = 1"),
-        "unknown key `lesion.xyzzy`; remove it; known here are size.",
+        "unknown key `lesion.xyzzy`; remove it; known here are size, table_sizes_are, edge.",
     ),
     "with a line break": (("title", '"ti\\ntle"'), "unknown key `ti tle`; did you mean `title`?"),
     "with an escape": (("title", '"\\u001b[2Jtitle"'), "unknown key `\\x1b[2Jtitle`; did you mean `title`?"),
@@ -257,9 +295,27 @@ WRONG = {
         ('"fat"', '"bone"'),
         "`layers.tissue` (entry 3): expected 'water', 'skin', 'fat', 'muscle' or 'liver'",
     ),
-    "unknown modulus": (('"young"', '"bulk"'), "`mechanics.modulus`: expected 'young' or 'shear', got 'bulk'"),
+    "unknown modulus": (
+        ('"young"', '"bulk"'),
+        "`mechanics.modulus`: expected 'young', 'shear' or 'constrained', got 'bulk'",
+    ),
     "unknown size": (('"dose"', '"guess"'), "`lesion.size`: expected 'dose' or 'table', got 'guess'"),
     "unknown protocol": (('"stepwise"', '"transient"'), "`protocol.kind`: expected 'stepwise', got 'transient'"),
+    "unknown wall": (('outer = "fixed"', 'outer = "glued"'), "`mechanics.walls.outer`: expected 'fixed', 'free' or"),
+    "unknown side": (('outer = "fixed"', 'side = "fixed"'), "unknown key `mechanics.walls.side`"),
+    "layers in metres": (
+        ("poisson_ratio = 0.499", "poisson_ratio = 0.499\nouter_layers_mm = 0.005"),
+        "`mechanics.outer_layers_mm`: expected 0.5 to 100 mm, got 0.005; is it in metres?",
+    ),
+    "unknown edge": (('"linear"', '"soft"'), "`lesion.edge`: expected 'linear', 'sharp' or 'damage', got 'soft'"),
+    "edge by dose of a table": (
+        (BY_DOSE, 'size = "table"\nedge = "damage"'),
+        '`lesion`: edge = "damage" takes the lesion from the computed dose',
+    ),
+    "table without a table": (
+        ('size = "dose"', 'table_sizes_are = "semi-axes"\nsize = "dose"'),
+        '`lesion`: table_sizes_are = "semi-axes" has no effect with size = "dose"',
+    ),
     "incompressible": (("0.499", "0.5"), "`mechanics.poisson_ratio`: expected 0 to 0.49999, got 0.5"),
     "metres": (
         (FOCAL, "focal_length_mm = 0.0626"),

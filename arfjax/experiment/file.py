@@ -15,11 +15,11 @@ from arfjax import tissues
 from arfjax.errors import InputError
 from arfjax.experiment.acoustics import AcousticsSection
 from arfjax.experiment.drive import power_of_focal_pressure, power_of_source_pressure
+from arfjax.experiment.mechanics import LesionSection, Mechanics
 from arfjax.experiment.messages import EXAMPLE, explain
 from arfjax.experiment.numbers import Celsius, Millimetres, Number, Section, between
 from arfjax.experiment.sonication import SonicationSection
-from arfjax.mechanics.material.viscoelastic import ShearModulus, YoungModulus
-from arfjax.model import DoseSize, Layer, Lesion, Model, tabulated_size
+from arfjax.model import Layer, Model
 from arfjax.protocols.discretisation import RIM_TO_HEAT, RIM_TO_START, Discretisation, relative_wavelengths
 from arfjax.protocols.stepwise import StepwiseProtocol
 from arfjax.transducer import Drive, FocusedBowl
@@ -96,19 +96,6 @@ class LayerSection(Section):
     coagulation_stops_perfusion: Annotated[bool, Strict()] = False
     coagulation_doubles_attenuation: Annotated[bool, Strict()] = False
     heat_constants: Literal["constant", "warming"] = "constant"
-
-
-class Mechanics(Section):
-    """How the moduli are to be read."""
-
-    modulus: Literal["young", "shear"] = "young"
-    poisson_ratio: Annotated[Number, between(0.0, 0.49999, "", "take 0.499 for soft tissue")] = 0.499
-
-
-class LesionSection(Section):
-    """Where the lesion's size comes from."""
-
-    size: Literal["dose", "table"] = "dose"
 
 
 class Protocol(Section):
@@ -194,11 +181,11 @@ class Experiment(Section):
             path=tuple(layers[:-1]),
             liver=layers[-1].tissue,
             liver_thickness=layers[-1].thickness,
-            lesion=Lesion(
-                tissues.lesion_viscoelasticity(), tabulated_size() if self.lesion.size == "table" else DoseSize()
-            ),
-            modulus_reading=YoungModulus() if self.mechanics.modulus == "young" else ShearModulus(),
+            lesion=self.lesion.lesion(),
+            modulus_reading=self.mechanics.reading(),
             poisson_ratio=self.mechanics.poisson_ratio,
+            walls=self.mechanics.held(),
+            outer_layer=self.mechanics.outer_layer(),
         )
 
     def stepwise(self) -> StepwiseProtocol:

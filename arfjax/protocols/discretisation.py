@@ -20,6 +20,7 @@ from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid, graded_positions
 from arfjax.laws import Temperature
 from arfjax.mechanics.elements.mesh import Mesh
+from arfjax.mechanics.elements.refinement import OuterLayer
 from arfjax.model import Layer, Model
 from arfjax.thermal.bioheat import ThermalField
 from arfjax.transducer import FocusedBowl
@@ -43,7 +44,7 @@ class Discretisation(eqx.Module):
     Attributes:
         focus: Axial position at which displacement and temperature are read: the geometric focus [m].
         heat_grid: Cells of the bioheat equation.
-        mesh: Elements of the liver.
+        mesh: Elements of the liver, and of the layer around it if there is one.
         march: Settings of the sound field's march; linear sound if it carries one harmonic.
         n_heat_steps: Time steps of the sonication.
         n_push_steps: Time steps of a push of 0.5 ms; a longer one takes more of the same length.
@@ -51,6 +52,7 @@ class Discretisation(eqx.Module):
         source_plane: Where the bowl's converging wave is given, as other codes have it [m]; None for its true
             radiation.
         shortcoming: What keeps the sound field from its tolerance, in words; empty if nothing does.
+        outer_layer: Of the mesh; no force acts in it.
     """
 
     focus: float = eqx.field(static=True)
@@ -63,6 +65,13 @@ class Discretisation(eqx.Module):
     diffraction: Diffraction = ExactOneWay()
     source_plane: float | None = eqx.field(static=True, default=None)
     shortcoming: str = eqx.field(static=True, default="")
+    outer_layer: OuterLayer | None = None
+
+    @property
+    def liver(self) -> tuple[float, float]:
+        """Axial positions of the front and the back of the liver [m], the outer layer left out."""
+        n = 0 if self.outer_layer is None else self.outer_layer.n_elements
+        return float(self.mesh.z_edges[n]), float(self.mesh.z_edges[-1 - n])
 
     def sound_field(
         self,
@@ -159,18 +168,21 @@ def discretise(model: Model, *, refinement: float = 1.0) -> Discretisation:
     heat_grid = _heat_grid(model, focus, refinement, beam)
     interfaces = np.cumsum([layer.thickness for layer in model.path])
     widest = 3e-3 / refinement
-    mesh = Mesh(
-        graded_positions(0.0, LIVER_RADIUS, 0.0, finest=0.15e-3 * beam / refinement, growth=1.25, coarsest=widest),
-        graded_positions(front, back, focus, finest=0.5e-3 * beam / refinement, growth=1.2, coarsest=widest),
-    )
+    r_edges = graded_positions(0.0, LIVER_RADIUS, 0.0, finest=0.15e-3 * beam / refinement, growth=1.25, coarsest=widest)
+    z_edges = graded_positions(front, back, focus, finest=0.5e-3 * beam / refinement, growth=1.2, coarsest=widest)
+    if model.outer_layer is not None:
+        beyond = model.outer_layer.distances
+        r_edges = np.concatenate([r_edges, LIVER_RADIUS + beyond])
+        z_edges = np.concatenate([front - beyond[::-1], z_edges, back + beyond])
     return Discretisation(
         focus=focus,
         heat_grid=heat_grid,
         layer_of_cell=tuple(int(i) for i in np.searchsorted(interfaces, heat_grid.z)),
-        mesh=mesh,
+        mesh=Mesh(r_edges, z_edges, model.walls),
         march=march_settings(model, refinement),
         n_heat_steps=max(round(120 * refinement), 1),
         n_push_steps=max(round(25 * refinement), 1),
+        outer_layer=model.outer_layer,
     )
 
 

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from arfjax.acoustics.intensity import radiation_force_density
 from arfjax.errors import InputError
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.elements.refinement import focused_mesh
@@ -20,7 +19,7 @@ from arfjax.mechanics.transient.shear_waves import arrival_times, of_one_front, 
 from arfjax.media import Scalar
 from arfjax.model import Model
 from arfjax.protocols.discretisation import LIVER_RADIUS, Discretisation
-from arfjax.protocols.stepwise import Heating, StepwiseProtocol, layered_field, lesion_at, push_material
+from arfjax.protocols.stepwise import Heating, StepwiseProtocol, force_at, lesion_at, lesion_share, push_material
 from arfjax.thermal.lesion import LesionSize
 
 _SMALLEST_COUNT = 25
@@ -87,8 +86,8 @@ class WatchedPush(eqx.Module):
 
 
 def watch_mesh(settings: Discretisation, watch: WatchSettings) -> Mesh:
-    """Elements of the liver, even as far out as the wave is followed."""
-    front, back = float(settings.mesh.z_edges[0]), float(settings.mesh.z_edges[-1])
+    """Elements of the liver, even as far out as the wave is followed, with the walls and layer of `settings`."""
+    front, back = settings.liver
     return focused_mesh(
         focus=settings.focus,
         radius=LIVER_RADIUS,
@@ -99,6 +98,8 @@ def watch_mesh(settings: Discretisation, watch: WatchSettings) -> Mesh:
         fine_radius=watch.radius,
         fine_length=2.0 * min(watch.half_length, settings.focus - front, back - settings.focus),
         coarsest=3e-3,
+        walls=settings.mesh.walls,
+        outer_layer=settings.outer_layer,
     )
 
 
@@ -125,16 +126,14 @@ def watch_push(
         InputError: if the push is longer than it is watched.
 
     Accuracy: the mesh's, third order in `element`; the wave is resolved while `element` is below a sixth of the
-        force's width. Walls are fixed: what reaches them at about c_p, within 1 ms, is reflected.
+        force's width. What reaches the walls, at about c_p within 1 ms, is reflected there.
     """
     if protocol.push_duration > watch.duration:
         raise InputError(
             f"a push of {1e3 * protocol.push_duration:g} ms is longer than it is watched, {1e3 * watch.duration:g} ms."
         )
     mesh, lesion = watch_mesh(settings, watch), lesion_at(model, heating, temperature, settings)
-    force = radiation_force_density(
-        layered_field(model, temperature, protocol, settings, r=mesh.gauss_r, z=mesh.gauss_z)
-    )
+    force = force_at(model, temperature, protocol, settings, mesh)
     steps = _steps(protocol.push_duration, watch)
     r = np.linspace(0.0, watch.radius, round(watch.radius / watch.element) + 1)
     z = mesh.z_edges[np.abs(mesh.z_edges - settings.focus) <= watch.half_length * (1.0 + 1e-9)]
@@ -142,7 +141,7 @@ def watch_push(
     in_plane = np.stack([r, np.full_like(r, settings.focus)], axis=1)
     result = solve_push(
         mesh,
-        push_material(model, temperature, lesion, mesh),
+        push_material(model, temperature, lesion_share(model, heating, temperature, lesion, settings, mesh)),
         force,
         settings=steps,
         points=np.concatenate([points, in_plane]),

@@ -13,6 +13,7 @@ from inverse.commands.push import push_command
 from inverse.commands.reproduce import reproduce
 from inverse.commands.simulate import simulate
 from inverse.commands.sonicate import sonicate_command
+from inverse.commands.vibrate import vibrate_command
 from inverse.datasets.shipped import shipped, shipped_names
 
 app = typer.Typer(
@@ -25,6 +26,7 @@ app = typer.Typer(
 app.command()(simulate)
 app.command("field")(field_command)
 app.command("push")(push_command)
+app.command("vibrate")(vibrate_command)
 app.command("sonicate")(sonicate_command)
 app.command()(calibrate)
 app.command("fit-dma")(fit_dma)

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import typer
 import xarray as xr
@@ -44,9 +45,9 @@ def push_command(
             heating = eqx.filter_jit(lambda model: simulate_heating(model, protocol, settings))(model)
             step("push")
             run = eqx.filter_jit(
-                lambda model, heating: watch_push(model, temperature, protocol, settings, heating=heating, watch=watch)
+                lambda model, at, heating: watch_push(model, at, protocol, settings, heating=heating, watch=watch)
             )
-            result = run(model, heating)
+            result = run(model, jnp.asarray(temperature), heating)  # traced: without a lesion, its laws do not warn
         data = push_dataset(result, temperature)
         data.attrs |= {
             "title": described.title,

@@ -156,6 +156,38 @@ def test_push_options(capfd, tmp_path, option, value, cause):
     assert cause in assert_refused(capfd, tmp_path, ["push", experiment, option, value])
 
 
+@pytest.mark.parametrize(
+    ("options", "cause"),
+    [
+        (["--temperature-c", "90"], "--temperature-c must lie between 35 and 70 degC"),
+        (["--temperature-c", "nan"], "--temperature-c must lie between"),
+        (["--frequency-hz", "0"], "--frequency-hz must be 5 to 1000 Hz, got 0"),
+        (["--frequency-hz", "nan"], "--frequency-hz must be"),
+        (["--frequency-hz", "1.1e6"], "Give hertz."),
+        (["--depth", "50"], "--depth must be 0.01 to 1, got 50; it is a share"),
+        (["--depth", "nan"], "--depth must be"),
+        (["--duty-cycle", "0.5"], "--duty-cycle 0.5 is only for --modulation square"),
+        (["--modulation", "square", "--depth", "0.5"], "--depth 0.5 has no effect on square modulation"),
+        (["--modulation", "square", "--duty-cycle", "1"], "--duty-cycle must be 0.01 to below 1, got 1"),
+        (["--modulation", "square", "--duty-cycle", "30"], "got 30; it is a share, not a percentage"),
+        (["--modulation", "triangle"], "'triangle' is not one of"),
+    ],
+)
+def test_vibrate_options(capfd, tmp_path, options, cause):
+    experiment = place(tmp_path / "e.toml", EXAMPLE)
+    assert cause in assert_refused(capfd, tmp_path, ["vibrate", experiment, *options])
+
+
+def test_waves_too_short_for_any_mesh(capfd, tmp_path):
+    """Found when the mesh is made, before anything is computed."""
+    experiment = place(tmp_path / "e.toml", EXAMPLE.replace('"young"', '"constrained"'))
+    options = ["--modulation", "square", "--frequency-hz", "900"]
+    for out in ("new", "old"):
+        before = tree(tmp_path)
+        assert run(["vibrate", experiment, *options, "--out", str(tmp_path / out)]) == 2
+        assert "lower the frequency" in capfd.readouterr().err and tree(tmp_path) == before
+
+
 @pytest.mark.parametrize("content", BAD_DMA.values(), ids=BAD_DMA.keys())
 def test_fit_dma(capfd, tmp_path, content):
     data = place(tmp_path / "measured.csv", content)
@@ -175,6 +207,7 @@ def test_experiments(capfd, tmp_path, content):
     for arguments in (
         *commands,
         ["sonicate", experiment],
+        ["vibrate", experiment],
         ["field", experiment],
         ["reproduce", "--experiment", experiment],
     ):
@@ -278,7 +311,7 @@ def interrupted_output(out):
 
 
 @pytest.mark.parametrize(
-    "command", ["fit_dma", "fit_heating", "simulate", "sonicate", "field", "calibrate", "reproduce"]
+    "command", ["fit_dma", "fit_heating", "simulate", "sonicate", "vibrate", "field", "calibrate", "reproduce"]
 )
 def test_an_interrupt_leaves_nothing(capfd, tmp_path, monkeypatch, command):
     monkeypatch.setattr(f"inverse.commands.{command}.output_directory", interrupted_output)
@@ -286,7 +319,7 @@ def test_an_interrupt_leaves_nothing(capfd, tmp_path, monkeypatch, command):
     hmi = place(tmp_path / "hmi.csv", HMI)
     heating = place(tmp_path / "heating.csv", HEATING)
     inputs = {"fit_dma": [dma], "simulate": [experiment], "calibrate": [experiment, "--hmi", hmi], "reproduce": []}
-    inputs |= {"fit_heating": [heating], "sonicate": [experiment], "field": [experiment]}
+    inputs |= {"fit_heating": [heating], "sonicate": [experiment], "vibrate": [experiment], "field": [experiment]}
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "summary.json").write_text("earlier")
     before = tree(tmp_path)

@@ -60,6 +60,27 @@ def test_push(tmp_path, capfd):
     assert "shear wave" in capfd.readouterr().out
 
 
+def test_vibrate(tmp_path, capfd):
+    """A sine of the pressure at 65 degC: two harmonics, and files that hold what the summary says."""
+    options = ["--temperature-c", "65", "--frequency-hz", "60", "--modulation", "pressure", "--depth", "0.8"]
+    assert run(["vibrate", EXPERIMENT, *options, "--out", str(tmp_path)]) == 0
+    results = summary_of(tmp_path)["results"]
+    assert results["harmonics"]["value"] == [1, 2] and results["left_out_harmonics"]["value"] == 0.0
+    assert 0.0 < results["absorbing_layer_relative_error"]["value"] < 2e-3
+    with xr.open_dataset(tmp_path / "vibration.nc", engine="h5netcdf") as data:
+        for name in (*data.data_vars, *data.coords):
+            assert data[name].attrs["units"] == (VARIABLES | COORDINATES)[name][0]
+        assert data.attrs["modulation"] == "sine of the pressure, depth 0.8"
+        assert float(data["modulation_time"][-1]) == pytest.approx(1.0 / 60.0)
+        motion = results["peak_to_peak_displacement"]["value"]
+        assert np.ptp(data["focal_vibration"].to_numpy()) == pytest.approx(motion, rel=1e-3)
+        focal = data["peak_to_peak_displacement"].sel(r=0.0).sel(z=62.6e-3, method="nearest")
+        assert float(focal) == pytest.approx(motion, rel=1e-6)
+    assert (tmp_path / "vibration.png").stat().st_size > 10_000 and (tmp_path / "vibration.pdf").exists()
+    assert "mean displacement is left out" in (tmp_path / "report.md").read_text()
+    assert "peak-to-peak" in capfd.readouterr().out
+
+
 def test_sonicate(tmp_path, capfd):
     """13 W for 60 s: a lesion, larger and hotter than with the field of the start, and files that others open."""
     assert run(["sonicate", EXPERIMENT, "--out", str(tmp_path / "updated")]) == 0
