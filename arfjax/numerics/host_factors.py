@@ -214,8 +214,10 @@ def release_factors() -> None:
     STORE.clear()
 
 
-def factor_number(pattern: Pattern, backend: str, values: np.ndarray) -> int:
+def factor_number(pattern: Pattern, backend: str, values: np.ndarray, *, rounding: float) -> int:
     """Number in `STORE` of the factors of a matrix, made now unless they are kept; -1 if it is not finite.
+
+    Entries may differ from their mirror by a hundred times `rounding`, that of the program which made them.
 
     Raises:
         ValueError: if the matrix is not symmetric, singular to working precision, or solved without accuracy.
@@ -226,7 +228,7 @@ def factor_number(pattern: Pattern, backend: str, values: np.ndarray) -> int:
     if number is not None:
         return number
     asymmetry = np.max(np.abs(values - values[pattern.mirrored]), initial=0.0)
-    if asymmetry > 1e-9 * np.max(np.abs(values)):
+    if asymmetry > max(1e-9, 100.0 * rounding) * np.max(np.abs(values)):
         raise ValueError(f"the sparse matrix is not symmetric: entries differ by {asymmetry:g} from their mirror.")
     places: Any = pattern.reordered
     matrix = scipy.sparse.csc_matrix((values[places.data], places.indices, places.indptr), places.shape)

@@ -105,8 +105,9 @@ def linear_solve(
 def _factorise_on_host(pattern: Pattern, backend: str, values: Any) -> np.ndarray:
     values = np.asarray(values)
     double = np.complex128 if np.iscomplexobj(values) else np.float64
-    rows = values.reshape(-1, pattern.n_entries).astype(double)
-    return np.array([factor_number(pattern, backend, row) for row in rows], np.int32).reshape(values.shape[:-1])
+    rows, rounding = values.reshape(-1, pattern.n_entries).astype(double), float(np.finfo(values.dtype).eps)
+    numbers = [factor_number(pattern, backend, row, rounding=rounding) for row in rows]
+    return np.array(numbers, np.int32).reshape(values.shape[:-1])
 
 
 def _solve_on_host(handle: Any, right_sides: Any) -> np.ndarray:

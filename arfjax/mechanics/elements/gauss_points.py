@@ -14,6 +14,7 @@ from arfjax.mechanics.elements.axisymmetric import volume_weights
 from arfjax.mechanics.elements.mesh import N_GAUSS, Mesh
 from arfjax.numerics.elements import linear_pressure, product, quadratic, quadratic_slope
 from arfjax.numerics.quadrature import gauss_legendre
+from arfjax.numerics.small_matrices import inverse_of_symmetric
 
 Nodal = Float[Array, "2 row column"]
 AtPoints = Float[Array, "9 ez er"]
@@ -100,7 +101,7 @@ def volumetric(mesh: Mesh, bulk_modulus: AtPoints) -> Volumetric:
     functions = linear_pressure(_POINTS, _POINTS).T
     moments = functions[:, :, None, None] * volumes(mesh)[None]
     compliance = jnp.einsum("pgzr,qg,gzr->pqzr", moments, functions, 1.0 / bulk_modulus)
-    return Volumetric(moments, _inverse(compliance))
+    return Volumetric(moments, inverse_of_symmetric(compliance))
 
 
 def volumes(mesh: Mesh) -> AtPoints:
@@ -158,10 +159,3 @@ def _join(parts: list[Array], axis: int) -> Array:
     pairs = jnp.stack([pad(first, 0, 1) + pad(last, 1, 0), pad(middle, 0, 1)], axis=axis + 1)
     line = pairs.reshape(*first.shape[:axis], 2 * n + 2, *first.shape[axis + 1 :])
     return line[(slice(None),) * axis + (slice(0, 2 * n + 1),)]
-
-
-def _inverse(matrix: Float[Array, "3 3 ez er"]) -> Float[Array, "3 3 ez er"]:
-    # By cofactors, which for the compliance of an element lose no accuracy.
-    rows = [jnp.cross(matrix[(i + 1) % 3], matrix[(i + 2) % 3], axis=0) for i in range(3)]
-    determinant = jnp.sum(matrix[0] * rows[0], axis=0)
-    return jnp.stack(rows, axis=1) / determinant[None, None]

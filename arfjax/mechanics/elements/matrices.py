@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, Inexact
 from arfjax.mechanics.elements.mesh import N_GAUSS, Mesh
 from arfjax.numerics.elements import linear_pressure, product, quadratic, quadratic_slope
 from arfjax.numerics.quadrature import gauss_legendre
+from arfjax.numerics.small_matrices import inverse_of_symmetric
 
 _POINTS, _ = gauss_legendre(N_GAUSS)
 
@@ -97,7 +98,8 @@ def volumetric_stiffness_of(
     axial = _summed([weights * over_z], [_pairs(pressure, along_z)])
     coupling = jnp.stack([radial, axial], axis=-1).reshape(*weights.shape[:2], 3, 18)
     compliance = _summed([weights / bulk_modulus], [_pairs(pressure, pressure)])
-    answer = jnp.sum(_inverse(compliance)[..., None] * coupling[:, :, None], axis=3)
+    stiffness = jnp.moveaxis(inverse_of_symmetric(jnp.moveaxis(compliance, (2, 3), (0, 1))), (0, 1), (2, 3))
+    answer = jnp.sum(stiffness[..., None] * coupling[:, :, None], axis=3)
     return jnp.sum(coupling[..., :, None] * answer[..., None, :], axis=2)
 
 
@@ -116,10 +118,3 @@ def _summed(numbers: list[PerElement], tables: list[Float[Array, "9 n m"]]) -> I
     joined, table = jnp.concatenate(numbers, axis=-1), jnp.concatenate(tables).reshape(-1, n * m)
     n_z, n_r, _ = joined.shape
     return jnp.dot(joined.reshape(n_z * n_r, -1), table).reshape(n_z, n_r, n, m)
-
-
-def _inverse(matrices: Inexact[Array, "*element 3 3"]) -> Inexact[Array, "*element 3 3"]:
-    """Inverse of symmetric 3 x 3 matrices by cofactors: the compliance of an element is far from singular."""
-    rows = [matrices[..., i, :] for i in range(3)]
-    cofactors = jnp.stack([jnp.cross(rows[1], rows[2]), jnp.cross(rows[2], rows[0]), jnp.cross(rows[0], rows[1])], -2)
-    return cofactors / jnp.sum(cofactors[..., 0, :] * rows[0], axis=-1)[..., None, None]
