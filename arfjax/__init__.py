@@ -72,6 +72,7 @@ from arfjax.mechanics.material.lesion import Ellipsoid as Ellipsoid
 from arfjax.mechanics.material.lesion import EllipsoidalLesion as EllipsoidalLesion
 from arfjax.mechanics.material.lesion import LinearEdge as LinearEdge
 from arfjax.mechanics.material.lesion import SharpEdge as SharpEdge
+from arfjax.mechanics.material.viscoelastic import ConstrainedModulus as ConstrainedModulus
 from arfjax.mechanics.material.viscoelastic import ShearModulus as ShearModulus
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField as ViscoelasticField
 from arfjax.mechanics.material.viscoelastic import YoungModulus as YoungModulus
@@ -85,6 +86,7 @@ from arfjax.media import KelvinVoigt as KelvinVoigt
 from arfjax.media import Prony as Prony
 from arfjax.media import ThermalMedium as ThermalMedium
 from arfjax.media import Zener as Zener
+from arfjax.model import DamageEdge as DamageEdge
 from arfjax.model import DoseSize as DoseSize
 from arfjax.model import Layer as Layer
 from arfjax.model import Lesion as Lesion
@@ -94,6 +96,8 @@ from arfjax.model import tabulated_size as tabulated_size
 from arfjax.protocols.discretisation import DISPLACEMENT_ACCURACY as DISPLACEMENT_ACCURACY
 from arfjax.protocols.discretisation import Discretisation as Discretisation
 from arfjax.protocols.discretisation import discretise as discretise
+from arfjax.protocols.shear_wave import WatchSettings as WatchSettings
+from arfjax.protocols.shear_wave import watch_push as watch_push
 from arfjax.protocols.sonication import AdaptiveSteps as AdaptiveSteps
 from arfjax.protocols.sonication import FixedSteps as FixedSteps
 from arfjax.protocols.sonication import Sonication as Sonication
@@ -109,6 +113,11 @@ from arfjax.protocols.stepwise import range_notes as range_notes
 from arfjax.protocols.stepwise import run_stepwise as run_stepwise
 from arfjax.protocols.stepwise import simulate_heating as simulate_heating
 from arfjax.protocols.stepwise import stepwise_displacement as stepwise_displacement
+from arfjax.protocols.vibration import Vibration as Vibration
+from arfjax.protocols.vibration import VibrationSettings as VibrationSettings
+from arfjax.protocols.vibration import resolving as resolving
+from arfjax.protocols.vibration import vibrate as vibrate
+from arfjax.protocols.vibration import vibration_layer_error as vibration_layer_error
 from arfjax.thermal.adaptive import solve_adaptively as solve_adaptively
 from arfjax.thermal.bioheat import Phase as Phase
 from arfjax.thermal.bioheat import TemperatureHistory as TemperatureHistory

@@ -100,10 +100,11 @@ def solve_periodic(
         InputError: if there is no harmonic to solve for, or as in `solve_harmonic`.
 
     Accuracy: that of `solve_harmonic` for each harmonic; elements must resolve the waves of the last one that counts.
-        The result bounds what the harmonics left out could change (`left_out`), as if the motion per force fell with
-        the square of their number from the last one on, as it does where inertia rules, and all added up: for square
-        modulation at 50 Hz in liver (duty 0.1 to 0.5, 3 to 31 harmonics) the bound was 1.5 to 16 times the change
-        of the peak-to-peak, on a mesh that did not resolve the waves of harmonics from the ninth on.
+        `left_out` is what the harmonics left out could change, as if the motion per force fell with the square of
+        their number from the last one on, as it does where inertia rules, and all added up. It is a bound in even
+        tissue (for square modulation at 50 Hz in liver, duty 0.1 to 0.5, 3 to 31 harmonics, 1.5 to 16 times the
+        change of the peak-to-peak), and none where a stiff lesion resonates: at 70 degC harmonics about the 20th do,
+        and with 15 it said 0.15 % where 0.7 % were missing.
     Differentiability: in material, force, frequency and depth of the modulation, forward and reverse; `left_out` is
         held.
     """
