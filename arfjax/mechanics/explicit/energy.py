@@ -12,7 +12,7 @@ from arfjax.mechanics.explicit.grid import Layout
 from arfjax.mechanics.explicit.settings import ExplicitSettings
 from arfjax.mechanics.explicit.solver import assemble_push
 from arfjax.mechanics.explicit.stencil import Solid, State, Strain, advance, at_rest, internal_force, strain_of
-from arfjax.mechanics.viscoelastic import ViscoelasticField
+from arfjax.mechanics.material.viscoelastic import ViscoelasticField
 
 
 class EnergyBalance(eqx.Module):

@@ -6,8 +6,6 @@ would wrap around the end of a row, and those before the first and after the las
 So the stencil is nothing but shifted slices of long contiguous lines, without a gather, a scatter or a boundary.
 """
 
-import enum
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -15,31 +13,7 @@ from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
-
-
-class Wall(enum.Enum):
-    """What an outer wall does to the nodes on it."""
-
-    FIXED = "fixed"
-    """Holds them."""
-    SLIDING = "sliding"
-    """Holds them across the wall and lets them slide along it."""
-    FREE = "free"
-    """Leaves them alone: no traction."""
-
-
-class WallConditions(eqx.Module):
-    """The three outer walls; the axis is none.
-
-    Attributes:
-        outer: At the largest radius.
-        bottom: At the smallest z.
-        top: At the largest z.
-    """
-
-    outer: Wall = eqx.field(static=True, default=Wall.FIXED)
-    bottom: Wall = eqx.field(static=True, default=Wall.FIXED)
-    top: Wall = eqx.field(static=True, default=Wall.FIXED)
+from arfjax.mechanics.elements.mesh import Wall, Walls
 
 
 class DampingLayer(eqx.Module):
@@ -161,7 +135,7 @@ class Layout:
         by_radius = jnp.pad(field - outer, ((0, 1), (0, 0))) + jnp.pad(outer, ((1, 0), (0, 0)))
         return 0.5 * (jnp.pad(by_radius, ((0, 0), (0, 1))) + jnp.pad(by_radius, ((0, 0), (1, 0))))
 
-    def free(self, walls: WallConditions) -> Float[np.ndarray, "2 r_node z_node"]:
+    def free(self, walls: Walls) -> Float[np.ndarray, "2 r_node z_node"]:
         """One for each component of the displacement that may move, zero for those that are held."""
         free = np.ones((2, self.n_r + 1, self.row))
         free[0, 0] = 0.0

@@ -6,12 +6,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
 from arfjax.mechanics.explicit.grid import Layout
-from arfjax.mechanics.viscoelastic import ViscoelasticField
+from arfjax.mechanics.material.viscoelastic import ViscoelasticField
 
 
 class ExplicitSettings(eqx.Module):
@@ -95,7 +96,7 @@ def explicit_settings(
             "`end` and `n_maps` must be positive and `courant_number` between 0 and 1, got "
             f"{end} s, {n_maps}, {courant_number}."
         )
-    if any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(material)):
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(material)):
         raise InputError(
             "the number of steps cannot depend on a traced material: choose the settings outside of `jit`, for the "
             "stiffest material to come."

@@ -21,10 +21,10 @@ from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
+from arfjax.mechanics.elements.mesh import Walls
 from arfjax.mechanics.explicit.grid import (
     DampingLayer,
     Layout,
-    WallConditions,
     coarsened,
     coarsened_cells,
     cubic_weights,
@@ -32,11 +32,11 @@ from arfjax.mechanics.explicit.grid import (
 from arfjax.mechanics.explicit.result import ExplicitResult, estimate, no_estimate
 from arfjax.mechanics.explicit.settings import ExplicitSettings, longest_stable_step
 from arfjax.mechanics.explicit.stencil import Solid, State, advance, at_rest, internal_force, solid_of, strain_of
-from arfjax.mechanics.viscoelastic import ViscoelasticField
+from arfjax.mechanics.material.viscoelastic import ViscoelasticField
 from arfjax.media import Scalar
 
 _NO_POINTS = np.zeros((0, 2))
-_FIXED = WallConditions()
+_FIXED = Walls()
 
 Course = Float[Array, " time"] | Float[np.ndarray, " time"] | None
 NodalField = Float[Array, "r_node z_node"] | Float[np.ndarray, "r_node z_node"]
@@ -50,7 +50,7 @@ def solve_push_explicitly(
     settings: ExplicitSettings,
     radial_force: NodalField | None = None,
     course: Course = None,
-    walls: WallConditions = _FIXED,
+    walls: Walls = _FIXED,
     damping: DampingLayer | None = None,
     points: Float[np.ndarray, "point 2"] = _NO_POINTS,
     estimate_error: bool = True,
@@ -189,7 +189,7 @@ def assemble_push(
     settings: ExplicitSettings,
     radial_force: NodalField | None = None,
     course: Course = None,
-    walls: WallConditions = _FIXED,
+    walls: Walls = _FIXED,
     damping: DampingLayer | None = None,
 ) -> tuple[Solid, tuple[Array, Array], Float[Array, " step"]]:
     """The stencil's constants, the nodal force r, z [N] and its weight in each step; see `solve_push_explicitly`."""

@@ -15,8 +15,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from arfjax.mechanics.explicit.grid import DampingLayer, Layout, WallConditions
-from arfjax.mechanics.viscoelastic import ViscoelasticField
+from arfjax.mechanics.elements.mesh import Walls
+from arfjax.mechanics.explicit.grid import DampingLayer, Layout
+from arfjax.mechanics.material.viscoelastic import ViscoelasticField
 
 
 class Solid(eqx.Module):
@@ -71,7 +72,7 @@ class State(eqx.Module):
 
 
 def solid_of(
-    layout: Layout, material: ViscoelasticField, time_step: float, walls: WallConditions, layer: DampingLayer | None
+    layout: Layout, material: ViscoelasticField, time_step: float, walls: Walls, layer: DampingLayer | None
 ) -> Solid:
     """The constants of the stencil for a material at the centres of the cells."""
     dtype = material.density.dtype

@@ -11,13 +11,11 @@ import pytest
 
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
-from arfjax.mechanics.dynamics import PushSettings, solve_push
+from arfjax.mechanics.elements.mesh import Mesh, Wall, Walls
 from arfjax.mechanics.explicit.energy import EnergyBalance, energy_balance
 from arfjax.mechanics.explicit.grid import (
     DampingLayer,
     Layout,
-    Wall,
-    WallConditions,
     cell_positions,
     coarsened,
     node_positions,
@@ -26,20 +24,20 @@ from arfjax.mechanics.explicit.result import ExplicitResult, extrapolated
 from arfjax.mechanics.explicit.settings import ExplicitSettings, explicit_settings, longest_stable_step
 from arfjax.mechanics.explicit.solver import assemble_push, capped_bulk_modulus, solve_push_explicitly
 from arfjax.mechanics.explicit.stencil import at_rest, internal_force, solid_of, strain_of
-from arfjax.mechanics.mesh import Mesh
-from arfjax.mechanics.viscoelastic import (
+from arfjax.mechanics.material.viscoelastic import (
     Prony,
     ShearModulus,
     ViscoelasticField,
     prony_of_kelvin_voigt,
     viscoelastic_field,
 )
+from arfjax.mechanics.transient.push import PushSettings, solve_push
 from arfjax.media import KelvinVoigt
 from tests.checks import assert_gradient_of_each_leaf, assert_order
 from tests.mechanics.problems import Reference
 
-FREE = WallConditions(Wall.FREE, Wall.FREE, Wall.FREE)
-MIXED = WallConditions(Wall.SLIDING, Wall.FIXED, Wall.FREE)
+FREE = Walls(Wall.FREE, Wall.FREE, Wall.FREE)
+MIXED = Walls(Wall.SLIDING, Wall.FIXED, Wall.FREE)
 LAYER = DampingLayer(2e-3, 4e4)
 
 
@@ -146,7 +144,7 @@ SMALL = ExplicitSettings(2e-5, 24, 3.1e-4, n_maps=2, steps_per_checkpoint=4)
 
 
 @functools.cache
-def compiled(settings: ExplicitSettings, walls: WallConditions, layer: DampingLayer | None) -> Callable:
+def compiled(settings: ExplicitSettings, walls: Walls, layer: DampingLayer | None) -> Callable:
     grid = small_grid()
     options = {"settings": settings, "walls": walls, "damping": layer, "estimate_error": False}
     return jax.jit(lambda m, a, r: solve_push_explicitly(grid, m, a, radial_force=r, **options))
@@ -158,7 +156,7 @@ def run(
     radial_force: np.ndarray | jax.Array | None = None,
     *,
     settings: ExplicitSettings = SMALL,
-    walls: WallConditions = MIXED,
+    walls: Walls = MIXED,
     layer: DampingLayer | None = LAYER,
 ) -> ExplicitResult:
     axial = small_force(small_grid()) if axial_force is None else axial_force
@@ -199,7 +197,7 @@ def standing_wave(n_z: int) -> float:
     force = 1e4 * np.sin(number * grid.z_faces)[None, :] + 0.0 * grid.r_faces[:, None]
     result = jax.jit(
         lambda m: solve_push_explicitly(
-            grid, m, force, settings=settings, walls=WallConditions(outer=Wall.SLIDING), estimate_error=False
+            grid, m, force, settings=settings, walls=Walls(outer=Wall.SLIDING), estimate_error=False
         )
     )(material)
     end = np.asarray(result.maps)[-1]
