@@ -17,13 +17,23 @@ from arfjax.mechanics.elements.mesh import Wall, Walls
 
 
 class DampingLayer(eqx.Module):
-    """A layer along all three walls in which motion is slowed down, so that waves do not come back.
+    """A layer along the walls in which waves die out; along sliding walls, which may be planes of symmetry, is none.
 
-    The force against the motion is density times velocity times a rate that grows with the square of the depth.
+    The force against the motion is density times velocity times a rate that grows with the square of the depth. It is
+    for waves shorter than 1.5 times its width. Of a push it keeps little back, since most of the displacement is in
+    longer waves: in a box of 12 mm with a layer of 6 mm, 0.35 of what comes back without it came back at the best rate
+    (a push of 0.4 ms and 1 mm, compressional waves of 2.8 m/s). For pushes take a wide graded grid instead.
 
     Attributes:
         width: [m].
         rate: At the wall [1/s].
+
+    Accuracy: share of the amplitude of a plane wave at right angles that comes back, for the layer that
+        `against(..., reflection=0.01)` gives:
+
+    | wave length over width | 0.33 | 0.5 | 0.67 | 1 | 1.33 | 2 | 4 | 10 |
+    | --- | --- | --- | --- | --- | --- | --- | --- | --- |
+    | share | 0.011 | 0.012 | 0.013 | 0.022 | 0.08 | 0.16 | 0.38 | 0.75 |
     """
 
     width: float = eqx.field(static=True)
@@ -38,9 +48,9 @@ class DampingLayer(eqx.Module):
 
     @classmethod
     def against(cls, wave_speed: float, *, width: float, reflection: float = 1e-2) -> "DampingLayer":
-        """The layer out of which a wave of that speed [m/s] at right angles comes with that share of its amplitude.
+        """The layer out of which short waves of that speed [m/s] come, at right angles, with that share of amplitude.
 
-        The layer itself reflects too where it is thinner than about a wave length.
+        Longer ones the layer reflects before it can damp them, the more so the smaller the share.
         """
         if not (wave_speed > 0.0 and 0.0 < reflection < 1.0):
             raise InputError(
@@ -149,10 +159,13 @@ class Layout:
                     free[component][nodes] = 0.0
         return free
 
-    def damping_rate(self, layer: DampingLayer) -> Float[np.ndarray, "r_node z_node"]:
+    def damping_rate(self, layer: DampingLayer, walls: Walls) -> Float[np.ndarray, "r_node z_node"]:
         """Rate [1/s] at which motion is slowed down, at the nodes."""
         r, z = node_positions(self.grid)
-        to_wall = np.minimum(np.minimum(z - z[:, :1], z[:, -1:] - z), r[-1:] - r)
+        to_wall = np.full((self.n_r + 1, self.row), np.inf)
+        for wall, distance in ((walls.outer, r[-1:] - r), (walls.bottom, z - z[:, :1]), (walls.top, z[:, -1:] - z)):
+            if wall is not Wall.SLIDING:
+                to_wall = np.minimum(to_wall, distance)
         return layer.rate * np.clip(1.0 - to_wall / layer.width, 0.0, 1.0) ** 2
 
 

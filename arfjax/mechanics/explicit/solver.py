@@ -17,6 +17,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
@@ -92,17 +93,18 @@ def solve_push_explicitly(
     """
     material = jax.tree.map(lambda leaf: jnp.asarray(leaf, material.density.dtype), material)
     axial, radial = _checked_forces(grid, material, axial_force, radial_force)
+    coarse_grid, coarse_settings = (coarsened(grid), settings.doubled) if estimate_error else (None, None)
     courant_number = _checked_courant_number(grid, material, settings)
     others = {"walls": walls, "damping": damping}
     result = _run(grid, material, axial, points, settings, radial_force=radial, course=course, **others)
-    if not estimate_error:
+    if coarse_grid is None or coarse_settings is None:
         return ExplicitResult(**result, convergence=no_estimate(result, courant_number))
     coarse = _run(
-        coarsened(grid),
+        coarse_grid,
         jax.tree.map(lambda field: coarsened_cells(grid, field), material),
         axial[::2, ::2],
         points,
-        settings.doubled,
+        coarse_settings,
         radial_force=radial[::2, ::2],
         course=None if course is None else course[::2],
         **others,
@@ -152,8 +154,8 @@ def _checked_forces(
 def _checked_courant_number(
     grid: AxisymmetricGrid, material: ViscoelasticField, settings: ExplicitSettings
 ) -> Float[Array, ""]:
-    longest = longest_stable_step(grid, material)
-    if not isinstance(longest, jax.core.Tracer) and not settings.time_step <= float(longest) * (1.0 + 1e-6):
+    longest = longest_stable_step(grid, jax.lax.stop_gradient(material))
+    if not isinstance(longest, Tracer) and not settings.time_step <= float(longest) * (1.0 + 1e-6):
         raise InputError(
             f"`time_step` {settings.time_step:.3g} s is longer than {float(longest):.3g} s, the longest that is stable "
             "for this grid and material: let `explicit_settings` choose it, take larger cells, or cap the bulk modulus."

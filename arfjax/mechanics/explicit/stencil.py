@@ -84,7 +84,8 @@ def solid_of(
     lost = -jnp.expm1(-decrement)
     gained = material.branch_shear_moduli * (lost / decrement)
     shear = material.relaxed_shear_modulus + jnp.sum(gained, axis=0)
-    rate = None if layer is None else jnp.asarray(0.5 * time_step * layout.damping_rate(layer).ravel(), dtype)
+    unrelaxed = material.relaxed_shear_modulus + jnp.sum(material.branch_shear_moduli, axis=0)
+    rate = None if layer is None else jnp.asarray(0.5 * time_step * layout.damping_rate(layer, walls).ravel(), dtype)
     return Solid(
         row=layout.row,
         across_r=layout.cells(0.5 / r_size),
@@ -93,7 +94,7 @@ def solid_of(
         tilted=layout.cells((2.0 * jnp.asarray(layout.outer_share, dtype) - 1.0) * 0.5 / z_size),
         lame=layout.cells(volume * (material.bulk_modulus - 2.0 / 3.0 * shear)),
         twice_shear=layout.cells(2.0 * volume * shear),
-        hourglass=layout.cells((volume * shear)[None] * jnp.asarray(layout.hourglass, dtype)),
+        hourglass=layout.cells((volume * unrelaxed)[None] * jnp.asarray(layout.hourglass, dtype)),
         decay=layout.cells(jnp.exp(-decrement)),
         uptake=layout.cells(2.0 * volume[None] * gained * lost),
         mass=layout.sum_at_nodes(material.density * volume).ravel(),
