@@ -9,7 +9,7 @@ So the stencil is nothing but shifted slices of long contiguous lines, without a
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
@@ -172,7 +172,7 @@ class Layout:
 def cubic_weights(
     nodes: Float[np.ndarray, " node"] | Float[Array, " node"],
     positions: Float[np.ndarray, " point"] | Float[Array, " point"],
-) -> tuple[Array, Float[Array, "point 4"]]:
+) -> tuple[Int[Array, " point"], Float[Array, "point support"]]:
     """First of the four nodes about each position, and their weights in the cubic through them.
 
     With fewer than four nodes it is the polynomial through all of them. Outside the nodes it extrapolates.

@@ -131,7 +131,8 @@ def longest_stable_step(grid: AxisymmetricGrid, material: ViscoelasticField) -> 
     nothing has relaxed yet. Branches count with their sign: the pair that stands for a viscosity $\eta$ adds
     $1.5 \eta$ over its shorter time.
 
-    Accuracy: LAXITY shorter than the true limit.
+    Accuracy: 4 to 10 % shorter than the true limit with cells four times as long as wide, up to 32 % with square ones.
+        NaN if a density is not positive or an instantaneous modulus is negative.
     """
     if material.density.ndim > 2:
         return jax.vmap(functools.partial(longest_stable_step, grid))(material)
@@ -139,7 +140,9 @@ def longest_stable_step(grid: AxisymmetricGrid, material: ViscoelasticField) -> 
     no_branch = unrelaxed[None][:0]
     elastic = ViscoelasticField(material.density, material.bulk_modulus, unrelaxed, no_branch, no_branch)
     free = Walls(Wall.FREE, Wall.FREE, Wall.FREE)
-    return 2.0 / jnp.sqrt(_bound_of_squared_frequency(solid_of(Layout(grid), elastic, 1.0, free, None)))
+    longest = 2.0 / jnp.sqrt(_bound_of_squared_frequency(solid_of(Layout(grid), elastic, 1.0, free, None)))
+    sound = jnp.all(material.density > 0.0) & jnp.all(material.bulk_modulus >= 0.0) & jnp.all(unrelaxed >= 0.0)
+    return jnp.where(sound, longest, jnp.nan)
 
 
 @jax.jit
@@ -151,15 +154,13 @@ def _bound_of_squared_frequency(solid: Solid) -> Float[Array, ""]:
     colours = 3 * (places // solid.row % 3) + places % solid.row % 3
     margin = solid.row + 1
 
-    def entries(component: int, colour: Int[Array, ""]) -> Float[Array, "2 node"]:
-        pushed = jnp.where(colours == colour, solid.free[component], 0.0)
-        moved = [jnp.pad(pushed if i == component else 0.0 * pushed, margin) for i in (0, 1)]
+    def entries(push: Int[Array, ""]) -> Float[Array, "2 node"]:
+        pushed = jnp.where((colours == push % 9)[None] & (jnp.arange(2) == push // 9)[:, None], solid.free, 0.0)
+        moved = jnp.pad(pushed, ((0, 0), (margin, margin)))
         force = internal_force(solid, strain_of(solid, (moved[0], moved[1])), memory)
-        return jnp.abs(solid.free * jnp.stack(force) / solid.mass)
+        return jnp.abs(solid.free * jnp.stack(force) / solid.mass[None])
 
-    by_radial, by_axial = (
-        jnp.sum(jax.lax.map(functools.partial(entries, component), jnp.arange(9)), axis=0) for component in (0, 1)
-    )
+    by_radial, by_axial = jnp.sum(jax.lax.map(entries, jnp.arange(18)).reshape(2, 9, 2, -1), axis=1)
     # For every weight this is a bound.
     weight = 2.0 ** jnp.linspace(-4.0, 4.0, 33, dtype=solid.mass.dtype)[:, None]
     radial_rows = jnp.max(by_radial[0][None] + weight * by_axial[0][None], axis=1)
