@@ -71,9 +71,9 @@ def energy_balance(
         )
         stored = 0.5 * (elastic + hourglass) + branches.stored(old_branches, branches.stress(after.memory, new))
         return after, EnergyBalance(
-            work=weight * sum(jnp.sum(pushed * way) for pushed, way in zip(force, path, strict=True)),
-            kinetic=0.5 * sum(jnp.sum(solid.mass * speed**2) for speed in after.velocity),
-            taken_up=sum(jnp.sum(back * way) for back, way in zip(opposed, path, strict=True)),
+            work=weight * jnp.sum(jnp.stack(force) * jnp.stack(path)),
+            kinetic=0.5 * jnp.sum(solid.mass[None] * jnp.stack(after.velocity) ** 2),
+            taken_up=jnp.sum(jnp.stack(opposed) * jnp.stack(path)),
             stored=stored,
             dissipated=settings.time_step * branches.dissipated(old_branches),
             damped=_damped(solid, path),
@@ -104,7 +104,7 @@ def _damped(solid: Solid, path: list[Array]) -> Float[Array, ""]:
     if solid.damping is None:
         return jnp.zeros((), solid.mass.dtype)
     weight = 2.0 * solid.damping * solid.mass / solid.time_step**2
-    return sum((jnp.sum(weight * way**2) for way in path), jnp.zeros((), solid.mass.dtype))
+    return jnp.sum(weight[None] * jnp.stack(path) ** 2)
 
 
 class _Branches:

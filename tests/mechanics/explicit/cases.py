@@ -31,6 +31,11 @@ MIXED = Walls(Wall.SLIDING, Wall.FIXED, Wall.FREE)
 LAYER = DampingLayer(2e-3, 4e4)
 
 
+def quick_jit(f: Callable) -> Callable:
+    """Compiled with few optimisations: what runs here takes longer to compile than to run."""
+    return jax.jit(f, compiler_options={"xla_backend_optimization_level": 0})
+
+
 def sizes(finest: float, *, growth: float, end: float) -> np.ndarray:
     """Positions of pairs of cells of one size, so that every other of them is a graded grid too."""
     spacings = [finest]
@@ -64,7 +69,7 @@ def reference_material(kind: str, grid: AxisymmetricGrid) -> ViscoelasticField:
 def reference_run(kind: str, grid: AxisymmetricGrid, **options) -> ExplicitResult:
     material, points = reference_material(kind, grid), Reference(kind).points
     settings = explicit_settings(grid, material, end=5e-4, push_duration=5e-4, **options)
-    run = jax.jit(lambda m, f: solve_push_explicitly(grid, m, f, settings=settings, points=points))
+    run = quick_jit(lambda m, f: solve_push_explicitly(grid, m, f, settings=settings, points=points))
     return run(material, beam_force(grid))
 
 
@@ -121,7 +126,7 @@ SMALL = ExplicitSettings(2e-5, 24, 3.1e-4, n_maps=2, steps_per_checkpoint=4)
 def compiled(settings: ExplicitSettings, walls: Walls, layer: DampingLayer | None) -> Callable:
     grid = small_grid()
     options = {"settings": settings, "walls": walls, "damping": layer, "estimate_error": False}
-    return jax.jit(lambda m, a, r: solve_push_explicitly(grid, m, a, radial_force=r, **options))
+    return quick_jit(lambda m, a, r: solve_push_explicitly(grid, m, a, radial_force=r, **options))
 
 
 def run(

@@ -3,7 +3,6 @@
 import dataclasses
 import functools
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -33,6 +32,7 @@ from tests.mechanics.explicit.cases import (
     beam_grid,
     coarse_run,
     error_at_end,
+    quick_jit,
     reference_material,
     reference_run,
     run,
@@ -80,7 +80,7 @@ def standing_wave(n_z: int) -> float:
     settings = ExplicitSettings(4e-4 / (8 * n_z), 8 * n_z, 1.0)
     number, speed = np.pi / 8e-3, np.sqrt((1e5 + 4e3) / 1e3)
     force = 1e4 * np.sin(number * grid.z_faces)[None, :] + 0.0 * grid.r_faces[:, None]
-    result = jax.jit(
+    result = quick_jit(
         lambda m: solve_push_explicitly(
             grid, m, force, settings=settings, walls=Walls(outer=Wall.SLIDING), estimate_error=False
         )
@@ -102,7 +102,7 @@ def test_a_course_in_time_is_linear_between_its_values():
     grid, material = small_grid(), uneven_material(small_grid())
     rigid = dataclasses.replace(material, density=jnp.full(grid.shape, 1e3))
     course = np.interp(SMALL.times, [0.0, 1e-4, 3e-4, 4.8e-4], [0.0, 2.0, -1.0, 0.5])
-    push = jax.jit(
+    push = quick_jit(
         lambda m, c: solve_push_explicitly(
             grid, m, np.full((7, 9), 2e4), settings=SMALL, course=c, walls=FREE, estimate_error=False
         )
@@ -118,10 +118,6 @@ def test_a_course_in_time_is_linear_between_its_values():
     exact = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(fine) * (speed[1:] + speed[:-1]))])[::400]
     assert np.max(np.abs(np.asarray(result.axial_displacement_on_axis)[:, 3] - exact)) < 2e-6 * np.max(exact)
     np.testing.assert_allclose(result.velocity[..., 1], speed[-1], rtol=1e-6)
-    held = push(material, np.ones(25)).axial_displacement_on_axis
-    constant = dataclasses.replace(SMALL, push_duration=1.0)
-    same = run(material, np.full((7, 9), 2e4), settings=constant, walls=FREE, layer=None).axial_displacement_on_axis
-    np.testing.assert_allclose(held, same, rtol=1e-12)
 
 
 def test_second_order_in_time_with_branches_and_a_layer():
@@ -154,7 +150,7 @@ def test_a_kelvin_voigt_lesion_agrees_with_the_implicit_solver():
         return 1e5 * np.exp(-((r / 0.8e-3) ** 2) - (z / 2e-3) ** 2)
 
     settings = explicit_settings(grid, solid, end=5e-4, push_duration=5e-4)
-    push = jax.jit(functools.partial(solve_push_explicitly, grid, settings=settings))
+    push = quick_jit(functools.partial(solve_push_explicitly, grid, settings=settings))
     ours, elastic = (
         push(kelvin_voigt_lesion(grid.r, grid.z, viscous=viscous), shape(*node_positions(grid)))
         for viscous in (1.0, 0.0)
@@ -174,12 +170,13 @@ def test_a_kelvin_voigt_lesion_agrees_with_the_implicit_solver():
     assert without > 5.0 * difference
 
 
+@pytest.mark.slow
 def test_a_capped_bulk_modulus_changes_a_push_as_little_as_documented():
     grid = coarsened(beam_grid())
     material = reference_material("zener", grid)
     capped = capped_bulk_modulus(material, 1.25e5)
     settings = explicit_settings(grid, capped, end=5e-4, push_duration=5e-4)
     assert settings.n_steps < 0.56 * coarse_run("zener").time.size
-    push = jax.jit(functools.partial(solve_push_explicitly, grid, settings=settings, estimate_error=False))
+    push = quick_jit(functools.partial(solve_push_explicitly, grid, settings=settings, estimate_error=False))
     full, soft = (result.at_focus(0.0)[-1] for result in (coarse_run("zener"), push(capped, beam_force(grid))))
     assert 0.007 < float(soft / full - 1.0) < 0.011

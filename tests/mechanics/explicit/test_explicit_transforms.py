@@ -26,6 +26,7 @@ from tests.mechanics.explicit.cases import (
     SMALL,
     compiled,
     elongated_grid,
+    quick_jit,
     run,
     small_force,
     small_grid,
@@ -37,7 +38,7 @@ def test_maps_points_focus_and_checkpoints_tell_the_same():
     grid, material = small_grid(), uneven_material(small_grid())
     points = np.array([[0.0, -3.1e-4], [7e-4, 1.2e-3], [0.0, 2e-3]])
     solve = functools.partial(solve_push_explicitly, grid, points=points, walls=MIXED, damping=LAYER)
-    result = jax.jit(functools.partial(solve, settings=SMALL, estimate_error=False))(material, small_force(grid))
+    result = quick_jit(functools.partial(solve, settings=SMALL, estimate_error=False))(material, small_force(grid))
     np.testing.assert_allclose(result.at_focus(-3.1e-4), result.displacement_at_points[:, 0, 1], rtol=1e-12)
     np.testing.assert_allclose(result.displacement_at_points[-1, 1], result.maps[-1, 1, 6], rtol=1e-12)
     np.testing.assert_allclose(result.axial_displacement_on_axis[12::12], result.maps[:, 0, :, 1], rtol=1e-13)
@@ -65,6 +66,7 @@ def test_gradients():
     assert_gradient_of_each_leaf(displacement, start)
 
 
+@pytest.mark.slow
 def test_the_estimate_has_a_derivative():
     grid, material = coarsened(small_grid()), uneven_material(coarsened(small_grid()))
     grid = AxisymmetricGrid(grid.r_faces[:3], grid.z_faces)
@@ -112,12 +114,13 @@ def test_the_longest_step_is_safe_and_not_much_too_short(grid, bulk_modulus, sla
         forces = internal_force(solid, strain_of(solid, padded), at_rest(solid).memory)
         return jnp.concatenate([free * f / solid.mass for free, f in zip(solid.free, forces, strict=True)])
 
-    matrix = jax.jit(jax.vmap(accelerate))(jnp.eye(2 * n))
+    matrix = quick_jit(jax.vmap(accelerate))(jnp.eye(2 * n))
     longest = 2.0 / np.sqrt(np.max(np.linalg.eigvals(np.asarray(matrix)).real))
     ours = float(longest_stable_step(grid, material))
     assert longest / slack < ours <= longest
 
 
+@pytest.mark.slow
 def test_a_step_just_below_the_limit_is_stable_and_one_above_is_not():
     """With branches, over 4000 steps, and with the fixed walls of the default."""
     grid, material = coarsened(small_grid()), uneven_material(coarsened(small_grid()))
@@ -126,7 +129,7 @@ def test_a_step_just_below_the_limit_is_stable_and_one_above_is_not():
     for factor in (1.0, 2.5):
         settings = ExplicitSettings(factor * longest, 4000, 3e-4)
         push = functools.partial(solve_push_explicitly, grid, settings=settings, estimate_error=False)
-        result = jax.jit(push)(material, small_force(grid))
+        result = quick_jit(push)(material, small_force(grid))
         peaks.append(float(jnp.max(jnp.abs(result.axial_displacement_on_axis))))
     assert peaks[0] < 1e-4
     assert not peaks[1] < 1.0
@@ -155,7 +158,7 @@ def test_unstable_steps_are_refused_or_flagged():
     long = ExplicitSettings(8e-5, 24, 3e-4)
     with pytest.raises(InputError, match="let `explicit_settings` choose it"):
         solve_push_explicitly(grid, material, force, settings=long)
-    flagged = jax.jit(lambda m: solve_push_explicitly(grid, m, force, settings=long).convergence)(material)
+    flagged = quick_jit(lambda m: solve_push_explicitly(grid, m, force, settings=long).convergence)(material)
     assert float(flagged.courant_number) > 1.0 and "unstable" in flagged.shortcoming(1e9)
     with pytest.raises(InputError, match="traced"):
         jax.jit(lambda m: explicit_settings(grid, m, end=1e-3, push_duration=5e-4).time_step)(material)
