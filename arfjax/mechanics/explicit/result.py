@@ -73,7 +73,7 @@ class ExplicitResult(eqx.Module):
 
 
 def extrapolated(result: ExplicitResult) -> ExplicitResult:
-    """The result less its estimated error, at every other time and node: fourth order where all is smooth.
+    """The result less its estimated error, at every other time and node: a fifth of it or less where all is smooth.
 
     The velocity is left as it is, at every other node; the estimate of the error stays that of the finer run.
     """
