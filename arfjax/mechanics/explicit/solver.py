@@ -4,8 +4,8 @@ Quadrilaterals with a bilinear displacement, mass lumped at the nodes, strains t
 dilatation is the mean one: $\nabla \cdot u$ is the flux through the rings and discs of a cell over its volume (through
 a disc with the nodes' shares of the mass as weights), so that a nearly incompressible solid does not lock. What the
 middle of a cell does not see (the hourglass) is held by the stiffness that exact integration of the deviator would give
-it with the instantaneous shear modulus; it does not relax. Central differences in time; each branch of the relaxation is advanced by the exact exponential for a strain that is
-linear within a step.
+it with the instantaneous shear modulus; it does not relax. Central differences in time; each
+branch of the relaxation is advanced by the exact exponential for a strain that is linear within a step.
 
 A step must not be longer than a pressure wave takes across the smallest cell, so that a large bulk modulus costs steps
 (`capped_bulk_modulus`). Pure elementwise JAX: for sweeps, posteriors and accelerators, in float64 and in float32.
