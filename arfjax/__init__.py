@@ -60,6 +60,11 @@ from arfjax.mechanics.elements.mesh import Mesh as Mesh
 from arfjax.mechanics.elements.mesh import Wall as Wall
 from arfjax.mechanics.elements.refinement import OuterLayer as OuterLayer
 from arfjax.mechanics.elements.refinement import focused_mesh as focused_mesh
+from arfjax.mechanics.explicit.result import ExplicitResult as ExplicitResult
+from arfjax.mechanics.explicit.settings import ExplicitSettings as ExplicitSettings
+from arfjax.mechanics.explicit.settings import explicit_settings as explicit_settings
+from arfjax.mechanics.explicit.solver import capped_bulk_modulus as capped_bulk_modulus
+from arfjax.mechanics.explicit.solver import solve_push_explicitly as solve_push_explicitly
 from arfjax.mechanics.force import force_map as force_map
 from arfjax.mechanics.harmonic.absorbing import AbsorbingLayer as AbsorbingLayer
 from arfjax.mechanics.harmonic.modulation import SineIntensity as SineIntensity
