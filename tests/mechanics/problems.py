@@ -69,9 +69,11 @@ def gaussian_force(mesh: Mesh, amplitude: float, a: float, b: float, centre: flo
     return amplitude * np.exp(-((mesh.gauss_r[:, None] / a) ** 2) - ((mesh.gauss_z[None, :] - centre) / b) ** 2)
 
 
-def reference_mesh(finest_r: float, finest_z: float, *, growth: float = 1.2, size: float = 0.024) -> Mesh:
-    r = graded_positions(0.0, size, 0.0, finest=finest_r, growth=growth, coarsest=3e-3)
-    z = graded_positions(-size, size, 0.0, finest=finest_z, growth=growth, coarsest=3e-3)
+def reference_mesh(
+    finest_r: float, finest_z: float, *, growth: float = 1.2, size: float = 0.024, coarsest: float = 3e-3
+) -> Mesh:
+    r = graded_positions(0.0, size, 0.0, finest=finest_r, growth=growth, coarsest=coarsest)
+    z = graded_positions(-size, size, 0.0, finest=finest_z, growth=growth, coarsest=coarsest)
     return Mesh(r, z)
 
 

@@ -95,7 +95,7 @@ def test_infinite_fractional_medium_at_50_hz():
 @pytest.mark.slow
 def test_infinite_fractional_medium_at_50_hz_on_a_coarse_and_a_fine_mesh():
     assert reference_error(0.15e-3, 0.6e-3, 3e-3, AbsorbingLayer(thickness=0.2)) < 4e-4
-    assert reference_error(0.05e-3, 0.3e-3, 1.5e-3, AbsorbingLayer()) < 6e-5
+    assert reference_error(0.05e-3, 0.3e-3, 1.5e-3, AbsorbingLayer()) < 1e-4  # the layer's own error is left
 
 
 @pytest.mark.slow
