@@ -28,8 +28,13 @@ import jax.numpy as jnp
 import numpy as np
 
 import arfjax as ax
+from arfjax.grid import AxisymmetricGrid, graded_positions
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.elements.refinement import focused_mesh
+from arfjax.mechanics.explicit.grid import node_positions, refined
+from arfjax.mechanics.explicit.result import extrapolated
+from arfjax.mechanics.explicit.settings import explicit_settings
+from arfjax.mechanics.explicit.solver import solve_push_explicitly
 from arfjax.mechanics.harmonic.motion import solve_harmonic
 from arfjax.mechanics.material.harmonic import solid_field
 from arfjax.mechanics.material.viscoelastic import (
@@ -49,6 +54,7 @@ TARGETS = {
     "129k unknowns, 100 steps [s]": 5.0,
     "its gradient, times the run": 2.5,
     "its gradient, memory [GB]": 2.0,
+    "explicit push to 1 % [s]": 0.05,
     "50 Hz [s]": 2.0,
     "value and gradient, times faster than jax-fem": 20.0,
 }
@@ -93,6 +99,10 @@ class Medium:
 
     def material(self, mesh: Mesh, scale: jax.Array) -> ViscoelasticField:
         """At the Gauss points, its moduli times `scale`."""
+        return self.material_of((len(mesh.gauss_r), len(mesh.gauss_z)), scale)
+
+    def material_of(self, shape: tuple[int, int], scale: jax.Array) -> ViscoelasticField:
+        """As a field of that shape."""
         c = self.constants
         relaxed, unrelaxed = scale * c["G0"], scale * (c["G0"] + c["dG"])
         if self.kind == "elastic":
@@ -101,7 +111,6 @@ class Medium:
             prony = prony_of_zener(Zener(relaxed, unrelaxed, c["tau"]))
         else:
             prony = prony_of_fractional_zener(FractionalZener(relaxed, unrelaxed, c["tau"], c["beta"]))
-        shape = len(mesh.gauss_r), len(mesh.gauss_z)
         return viscoelastic_field(
             prony, shape, density=c["rho"], bulk_modulus=c["K"], reading=ShearModulus(), poisson_ratio=0.5
         )
@@ -233,6 +242,50 @@ def steady(repeats: int) -> dict:
     }
 
 
+def explicit(repeats: int, finest: tuple[float, float] = (0.15e-3, 0.4e-3)) -> dict:
+    """One push by the fast path, its error and what it estimates, alone and for 64 materials at once."""
+    found = {}
+    for kind in ("elastic", "zener"):
+        medium, grid = Medium(kind), refined(refined(_graded_cells(*finest)))
+        r, z = node_positions(grid)
+        c = medium.constants
+        force = jnp.asarray(c["F0"] * np.exp(-((r / c["a"]) ** 2) - (z / c["b"]) ** 2))
+        settings = explicit_settings(
+            grid, medium.material_of(grid.shape, jnp.asarray(1.0)), end=0.5e-3, push_duration=c["push"]
+        )
+
+        def push(scale, medium=medium, grid=grid, force=force, settings=settings):
+            return solve_push_explicitly(
+                grid, medium.material_of(grid.shape, scale), force, settings=settings, points=medium.points
+            )
+
+        def displacement(scale, push=push):
+            result = push(scale)
+            return [each.displacement_at_points[-1, :, 1] for each in (result, extrapolated(result))]
+
+        run = jax.jit(displacement)
+        batch = jax.jit(lambda scale, push=push: jax.vmap(lambda s: push(s).at_focus(0.0)[-1])(scale * _SIXTY_FOUR))
+        exact = medium.displacement[np.argmin(np.abs(medium.times - 0.5e-3))]
+        errors = [float(np.max(np.abs(each - exact)) / np.max(np.abs(exact))) for each in run(jnp.asarray(1.0))]
+        found[kind] = {
+            "cells": list(grid.shape),
+            "steps": settings.n_steps,
+            "error": errors[0],
+            "error_extrapolated": errors[1],
+            **timed_in_turn({"run": run, "64 at once": batch}, repeats),
+        }
+    return found
+
+
+_SIXTY_FOUR = jnp.linspace(0.5, 1.0, 64)
+
+
+def _graded_cells(finest_r: float, finest_z: float) -> AxisymmetricGrid:
+    r = graded_positions(0.0, 12e-3, 0.0, finest=4.0 * finest_r, growth=1.3, coarsest=3e-3)
+    z = graded_positions(-14e-3, 14e-3, 0.0, finest=4.0 * finest_z, growth=1.3, coarsest=4e-3)
+    return AxisymmetricGrid(r, z)
+
+
 def peers(python: str, ours: dict) -> dict:
     """The same number of unknowns in other codes, and by how much they are slower."""
     jax_fem = _of_own_process([python, "-m", "benchmarks.peers.jax_fem_step"])
@@ -279,6 +332,7 @@ def main() -> None:
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
         "targets": TARGETS,
         "push of 0.5 ms": push_of_half_a_millisecond(repeats, (0.6e-3, 3e-3) if asked.quick else (0.2e-3, 0.8e-3)),
+        "explicit push of 0.5 ms": explicit(repeats),
         "50 Hz": steady(repeats),
         "large": large(repeats, (8, 16), 5) if asked.quick else large(3),
         "growth at 20 steps": growth(repeats, (6, 12)) if asked.quick else growth(2),

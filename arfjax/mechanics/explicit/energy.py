@@ -52,7 +52,7 @@ def energy_balance(
         material: As there.
         axial_force: As there.
         settings: As there; maps and checkpoints do nothing.
-        others: `radial_force`, `course`, `walls`, `damping`, as there.
+        others: `radial_force`, `amplitude`, `walls`, `damping`, as there.
     """
     solid, force, weights = assemble_push(grid, material, axial_force, settings=settings, **others)
     branches = _Branches(Layout(grid), material, settings.time_step)

@@ -39,7 +39,7 @@ from arfjax.media import Scalar
 _NO_POINTS = np.zeros((0, 2))
 _FIXED = Walls()
 
-Course = Float[Array, " time"] | Float[np.ndarray, " time"] | None
+Amplitude = Float[Array, " time"] | Float[np.ndarray, " time"] | None
 NodalField = Float[Array, "r_node z_node"] | Float[np.ndarray, "r_node z_node"]
 
 
@@ -50,7 +50,7 @@ def solve_push_explicitly(
     *,
     settings: ExplicitSettings,
     radial_force: NodalField | None = None,
-    course: Course = None,
+    amplitude: Amplitude = None,
     walls: Walls = _FIXED,
     damping: DampingLayer | None = None,
     points: Float[np.ndarray, "point 2"] = _NO_POINTS,
@@ -70,7 +70,7 @@ def solve_push_explicitly(
         axial_force: Force density along z at the nodes `grid.r_faces`, `grid.z_faces` [N/m^3].
         settings: Steps, duration of the push, maps.
         radial_force: Force density along r at the nodes [N/m^3]; none if not given.
-        course: What the force is multiplied with at each of `settings.times` [1], linear in between, in place of the
+        amplitude: What the force is multiplied with at each of `settings.times` [1], linear in between, in place of the
             rectangular push (whose duration then does nothing).
         walls: Conditions on the outer walls.
         damping: A layer along the walls that keeps waves from coming back.
@@ -93,7 +93,7 @@ def solve_push_explicitly(
 
         For 1 % take cells of a quarter of the beam's width and a tenth of its length, and `extrapolated`. For a traced
         material look at `convergence.courant_number` too.
-    Differentiability: in the material, the forces and the course, forward and reverse. Memory in reverse mode is the
+    Differentiability: in the material, the forces and the amplitude, forward and reverse. Memory in reverse mode is the
         state (4 numbers a node, 3 a cell and branch) times the number of stretches between checkpoints and the steps in
         one of them.
     Source: Belytschko, Liu & Moran, Nonlinear Finite Elements for Continua and Structures (2000), chapters 6 and 8
@@ -105,7 +105,7 @@ def solve_push_explicitly(
     coarse_grid, coarse_settings = (coarsened(grid), settings.doubled) if estimate_error else (None, None)
     courant_number = _checked_courant_number(grid, material, settings)
     others = {"walls": walls, "damping": damping}
-    result = _run(grid, material, axial, points, settings, radial_force=radial, course=course, **others)
+    result = _run(grid, material, axial, points, settings, radial_force=radial, amplitude=amplitude, **others)
     if coarse_grid is None or coarse_settings is None:
         return ExplicitResult(**result, convergence=no_estimate(result, courant_number))
     coarse = _run(
@@ -115,7 +115,7 @@ def solve_push_explicitly(
         points,
         coarse_settings,
         radial_force=radial[::2, ::2],
-        course=None if course is None else course[::2],
+        amplitude=None if amplitude is None else amplitude[::2],
         **others,
     )
     return ExplicitResult(**result, convergence=estimate(result, coarse, courant_number))
@@ -171,24 +171,24 @@ def _checked_courant_number(
     return settings.time_step / longest
 
 
-def _time_weights(settings: ExplicitSettings, course: Course, dtype: jnp.dtype) -> Float[Array, " step"]:
-    """Means of the time course with the weights of a hat two steps wide about the start of each step.
+def _time_weights(settings: ExplicitSettings, amplitude: Amplitude, dtype: jnp.dtype) -> Float[Array, " step"]:
+    """Means of the amplitude with the weights of a hat two steps wide about the start of each step.
 
     With them, and at rest at first, a body that nothing holds back is exactly where it should be at every step.
     """
-    if course is None:
+    if amplitude is None:
         step, duration = settings.time_step, settings.push_duration
         since_start = np.maximum(step * np.arange(-1, settings.n_steps + 1), 0.0)
         twice_integrated = 0.5 * (since_start**2 - np.maximum(since_start - duration, 0.0) ** 2) / step**2
         return jnp.asarray(np.diff(twice_integrated, n=2), dtype)
-    if course.shape != (settings.n_steps + 1,):
+    if amplitude.shape != (settings.n_steps + 1,):
         raise InputError(
-            f"`course` has shape {course.shape}: give one value for each of the {settings.n_steps + 1} times "
+            f"`amplitude` has shape {amplitude.shape}: give one value for each of the {settings.n_steps + 1} times "
             "`settings.times`."
         )
-    course = jnp.asarray(course, dtype)
-    first = (2.0 * course[:1] + course[1:2]) / 6.0
-    return jnp.concatenate([first, (course[:-2] + 4.0 * course[1:-1] + course[2:]) / 6.0])
+    amplitude = jnp.asarray(amplitude, dtype)
+    first = (2.0 * amplitude[:1] + amplitude[1:2]) / 6.0
+    return jnp.concatenate([first, (amplitude[:-2] + 4.0 * amplitude[1:-1] + amplitude[2:]) / 6.0])
 
 
 def assemble_push(
@@ -198,7 +198,7 @@ def assemble_push(
     *,
     settings: ExplicitSettings,
     radial_force: NodalField | None = None,
-    course: Course = None,
+    amplitude: Amplitude = None,
     walls: Walls = _FIXED,
     damping: DampingLayer | None = None,
 ) -> tuple[Solid, tuple[Array, Array], Float[Array, " step"]]:
@@ -208,7 +208,7 @@ def assemble_push(
     volumes = layout.sum_at_nodes(jnp.asarray(grid.volumes, dtype))
     force = (radial * volumes).ravel(), (axial * volumes).ravel()
     solid = solid_of(layout, material, settings.time_step, walls, damping)
-    return solid, force, _time_weights(settings, course, dtype)
+    return solid, force, _time_weights(settings, amplitude, dtype)
 
 
 def _run(
@@ -242,7 +242,7 @@ def _run(
         jnp.concatenate([first[None], later.reshape(settings.n_steps, *first.shape)])
         for first, later in zip(observe(start), (axis, at_points), strict=True)
     ]
-    at_end = _weight_at_end(settings, others["course"])
+    at_end = _weight_at_end(settings, others["amplitude"])
     velocity = _velocity_at_end(solid, final, (at_end * force[0], at_end * force[1]))
     return {
         "time": jnp.asarray(settings.times, dtype),
@@ -256,9 +256,9 @@ def _run(
     }
 
 
-def _weight_at_end(settings: ExplicitSettings, course: Course) -> Scalar:
-    if course is not None:
-        values = jnp.asarray(course)
+def _weight_at_end(settings: ExplicitSettings, amplitude: Amplitude) -> Scalar:
+    if amplitude is not None:
+        values = jnp.asarray(amplitude)
         return (2.0 * values[-1] + values[-2]) / 3.0  # from the mean velocity of the last step to that at its end
     return float(settings.push_duration >= settings.times[-1] * (1.0 - 1e-9))
 

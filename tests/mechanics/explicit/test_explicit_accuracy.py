@@ -101,18 +101,18 @@ def test_a_standing_wave_in_a_column():
 def test_a_course_in_time_is_linear_between_its_values():
     grid, material = small_grid(), uneven_material(small_grid())
     rigid = dataclasses.replace(material, density=jnp.full(grid.shape, 1e3))
-    course = np.interp(SMALL.times, [0.0, 1e-4, 3e-4, 4.8e-4], [0.0, 2.0, -1.0, 0.5])
+    amplitude = np.interp(SMALL.times, [0.0, 1e-4, 3e-4, 4.8e-4], [0.0, 2.0, -1.0, 0.5])
     push = quick_jit(
         lambda m, c: solve_push_explicitly(
-            grid, m, np.full((7, 9), 2e4), settings=SMALL, course=c, walls=FREE, estimate_error=False
+            grid, m, np.full((7, 9), 2e4), settings=SMALL, amplitude=c, walls=FREE, estimate_error=False
         )
     )
-    result = push(rigid, course)
+    result = push(rigid, amplitude)
     fine = np.linspace(0.0, 4.8e-4, 24 * 400 + 1)
     speed = np.concatenate(
         [
             [0.0],
-            np.cumsum(0.5 * np.diff(fine) * 20.0 * (lambda f: f[1:] + f[:-1])(np.interp(fine, SMALL.times, course))),
+            np.cumsum(0.5 * np.diff(fine) * 20.0 * (lambda f: f[1:] + f[:-1])(np.interp(fine, SMALL.times, amplitude))),
         ]
     )
     exact = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(fine) * (speed[1:] + speed[:-1]))])[::400]

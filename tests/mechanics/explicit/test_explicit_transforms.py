@@ -50,16 +50,16 @@ def test_maps_points_focus_and_checkpoints_tell_the_same():
 
 
 def test_gradients():
-    """In every constant of the material, both forces and the course."""
+    """In every constant of the material, both forces and the amplitude."""
     grid = coarsened(small_grid())
     settings = ExplicitSettings(2e-5, 12, 1.5e-4, n_maps=2, steps_per_checkpoint=3)
     force = small_force(grid)
     forces = {"axial": force, "radial": 0.4 * force}
-    start = {"material": uneven_material(grid), "course": 1.0 + 1e3 * settings.times, **forces}
+    start = {"material": uneven_material(grid), "amplitude": 1.0 + 1e3 * settings.times, **forces}
     solve = functools.partial(solve_push_explicitly, grid, settings=settings, walls=MIXED, damping=LAYER)
 
     def displacement(x):
-        options = {"radial_force": x["radial"], "course": x["course"], "estimate_error": False}
+        options = {"radial_force": x["radial"], "amplitude": x["amplitude"], "estimate_error": False}
         result = solve(x["material"], x["axial"], **options)
         return 1e6 * (result.at_focus(-2e-4)[11] + result.velocity[2, 3, 1] * 1e-4)
 
@@ -178,7 +178,7 @@ def test_nonsense_is_refused():
     with pytest.raises(InputError, match="centres of the cells"):
         solve(odd, material, force)
     with pytest.raises(InputError, match="25 times"):
-        solve(grid, material, force, course=np.ones(24))
+        solve(grid, material, force, amplitude=np.ones(24))
     with pytest.raises(InputError, match="multiple of twice"):
         solve(grid, material, force, settings=ExplicitSettings(1e-5, 25, 1e-4))
     with pytest.raises(InputError, match="must be positive"):
