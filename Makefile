@@ -13,6 +13,8 @@ demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measure
 	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data nist_foam) --out results/demo/dma_foam
 	$(BIN)/arfjax field examples/five_layers.toml --out results/demo/field
 	$(BIN)/arfjax simulate examples/suomi2016.toml --out results/demo/simulate
+	$(BIN)/arfjax push examples/suomi2016.toml --out results/demo/push
+	$(BIN)/arfjax vibrate examples/suomi2016.toml --out results/demo/vibrate
 	$(BIN)/arfjax sonicate examples/suomi2016.toml --out results/demo/sonicate
 	$(BIN)/arfjax fit-heating $$($(BIN)/arfjax data mr_hifu_60s) --out results/demo/heating
 	$(BIN)/arfjax calibrate examples/suomi2016.toml --hmi $$($(BIN)/arfjax data suomi2016_hmi) --out results/demo/calibrate
@@ -42,6 +44,7 @@ benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
 	$(BIN)/python -m benchmarks.accuracy --out results/benchmarks/accuracy.json
 	$(BIN)/python -m benchmarks.acoustics --out results/benchmarks/acoustics.json
 	$(BIN)/python -m benchmarks.chain --out results/benchmarks/chain.json
+	$(BIN)/python -m benchmarks.mechanics --out results/benchmarks/mechanics.json
 	$(BIN)/python -m benchmarks.thermal --out results/benchmarks/thermal.json
 
 lock: $(VENV)/.dev  ## newest versions that fit pyproject.toml, for every Python and platform

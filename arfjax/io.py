@@ -69,6 +69,10 @@ VARIABLES = {
     "field_updates": ("1", "how often the sound field had been computed again"),
     "focal_displacement": ("m", "displacement at the geometric focus during the push"),
     "displacement_map": ("m", "displacement along the push"),
+    "radial_strain": ("1", "strain rr"),
+    "axial_strain": ("1", "strain zz"),
+    "hoop_strain": ("1", "strain tt, around the axis"),
+    "shear_strain": ("1", "engineering shear strain rz"),
     "shear_wave_arrival": ("s", "time since the start of the push at which displacement in the focal plane is largest"),
     "peak_to_peak_displacement": ("m", "peak-to-peak displacement along the beam, over a period of the modulation"),
     "vibration_amplitude": ("m", "amplitude of each harmonic of the displacement at the geometric focus"),
@@ -273,12 +277,14 @@ def stepwise_dataset(result: StepwiseResult, protocol: StepwiseProtocol, referen
 
 
 def push_dataset(result: WatchedPush, temperature: float) -> xr.Dataset:
-    """Maps of displacement at the times kept, the course at the focus, and when the wave arrives in the focal plane."""
+    """Maps of displacement and strain, the course at the focus, and when the wave arrives in the focal plane."""
     variables = {
         "displacement_map": (("push_time", "r", "z"), np.asarray(result.displacement)),
         "focal_displacement": (("course_time",), np.asarray(result.focal_displacement)),
         "shear_wave_arrival": (("r",), np.asarray(result.arrival)),
     }
+    for i, name in enumerate(("radial_strain", "axial_strain", "hoop_strain", "shear_strain")):
+        variables[name] = ("push_time", "r", "z"), np.asarray(result.strain[..., i])
     coordinates = {"push_time": result.time, "course_time": result.focal_time, "r": result.r, "z": result.z}
     dataset = labelled(variables, {name: np.asarray(values) for name, values in coordinates.items()})
     dataset.attrs |= {

@@ -15,7 +15,7 @@ from arfjax.errors import InputError
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.elements.refinement import focused_mesh
 from arfjax.mechanics.transient.push import PushSettings, solve_push
-from arfjax.mechanics.transient.shear_waves import arrival_times, of_one_front, shear_wave_speed
+from arfjax.mechanics.transient.shear_waves import arrival_times, of_one_front, shear_wave_speed, strain_on_grid
 from arfjax.media import Scalar
 from arfjax.model import Model
 from arfjax.protocols.discretisation import LIVER_RADIUS, Discretisation
@@ -67,6 +67,7 @@ class WatchedPush(eqx.Module):
         r: Radii of the frames [m].
         z: Axial positions of the frames [m].
         displacement: Along the push [m].
+        strain: rr, zz, tt and rz (engineering shear) [1], of second order in half an element.
         focal_time: Of the course at the focus [s].
         focal_displacement: At the geometric focus [m].
         arrival: When displacement in the focal plane is largest [s]; NaN within the force and where it has not come.
@@ -78,6 +79,7 @@ class WatchedPush(eqx.Module):
     r: Float[np.ndarray, " r"]
     z: Float[np.ndarray, " z"]
     displacement: Float[Array, "frame r z"]
+    strain: Float[Array, "frame r z 4"]
     focal_time: Float[Array, " time"]
     focal_displacement: Float[Array, " time"]
     arrival: Float[Array, " r"]
@@ -135,9 +137,12 @@ def watch_push(
     mesh, lesion = watch_mesh(settings, watch), lesion_at(model, heating, temperature, settings)
     force = force_at(model, temperature, protocol, settings, mesh)
     steps = _steps(protocol.push_duration, watch)
-    r = np.linspace(0.0, watch.radius, round(watch.radius / watch.element) + 1)
-    z = mesh.z_edges[np.abs(mesh.z_edges - settings.focus) <= watch.half_length * (1.0 + 1e-9)]
-    points = np.stack([each.ravel() for each in np.meshgrid(r, z, indexing="ij")], axis=1)
+    # Displacement at all nodes, of which every other one, an element's edge, is kept: strain needs its neighbours.
+    node_r = np.linspace(0.0, watch.radius, 2 * round(watch.radius / watch.element) + 1)
+    kept = np.flatnonzero(np.abs(mesh.z_edges - settings.focus) <= watch.half_length * (1.0 + 1e-9))
+    node_z = mesh.node_z[2 * kept[0] : 2 * kept[-1] + 1]
+    r, z = node_r[::2], node_z[::2]
+    points = np.stack([each.ravel() for each in np.meshgrid(node_r, node_z, indexing="ij")], axis=1)
     in_plane = np.stack([r, np.full_like(r, settings.focus)], axis=1)
     result = solve_push(
         mesh,
@@ -146,15 +151,16 @@ def watch_push(
         settings=steps,
         points=np.concatenate([points, in_plane]),
     )
-    along = result.displacement_at_points[..., 1]
     frames = np.unique(np.round(np.linspace(0, steps.n_steps, watch.n_frames + 1)).astype(int))
-    passed = arrival_times(result.time, along[:, len(points) :])
+    passed = arrival_times(result.time, result.displacement_at_points[:, len(points) :, 1])
+    maps = result.displacement_at_points[frames, : len(points)].reshape(len(frames), len(node_r), len(node_z), 2)
     arrival = of_one_front(jnp.where(r > _force_width(force, mesh, settings.focus), passed, jnp.nan))
     return WatchedPush(
         time=result.time[frames],
         r=r,
         z=z,
-        displacement=along[frames, : len(points)].reshape(len(frames), len(r), len(z)),
+        displacement=maps[:, ::2, ::2, 1],
+        strain=strain_on_grid(node_r, node_z, maps)[:, ::2, ::2],
         focal_time=result.time,
         focal_displacement=result.at_focus(settings.focus),
         arrival=arrival,

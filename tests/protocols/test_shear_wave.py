@@ -54,6 +54,18 @@ def test_the_push_itself_is_that_of_the_stepwise_protocol(watched):
     np.testing.assert_array_equal(result.displacement[0], 0.0)
 
 
+@pytest.mark.slow
+def test_strain_is_that_of_the_displacement_and_keeps_the_volume(watched):
+    """Nearly incompressible tissue strains in shape alone; what is left is the difference quotients' error."""
+    _, _, result, _ = watched
+    strain, frame = np.asarray(result.strain), int(np.argmin(np.abs(np.asarray(result.time) - 1e-3)))
+    assert strain.shape == (*result.displacement.shape, 4)
+    coarse = np.gradient(np.asarray(result.displacement[frame]), result.z, axis=1)
+    largest = np.max(np.abs(strain[frame]))
+    np.testing.assert_allclose(strain[frame, :, 2:-2, 1], coarse[:, 2:-2], atol=0.05 * largest)
+    assert np.max(np.abs(strain[frame, ..., :3].sum(axis=-1))) < 0.05 * largest
+
+
 def model_focus(result):
     """The bowl's focal length, which the maps contain as a node."""
     assert np.any(np.isclose(result.z, 62.6e-3, atol=1e-9))

@@ -79,3 +79,25 @@ def strain_at_gauss_points(mesh: Mesh, displacement: Float[Array, "r z 2"]) -> F
     points = round(by_element.shape[2] ** 0.5)
     split = by_element.reshape(n_z, n_r, points, points, 4)
     return split.transpose(1, 3, 0, 2, 4).reshape(n_r * points, n_z * points, 4)
+
+
+def strain_on_grid(
+    r: Float[np.ndarray, " r"], z: Float[np.ndarray, " z"], displacement: Float[Array, "*time r z 2"]
+) -> Float[Array, "*time r z 4"]:
+    """Strains rr, zz, tt and rz (engineering shear) of a displacement r, z [m] known on a grid from the axis outward.
+
+    Accuracy: second order in the spacings, by differences between neighbours, also where they are uneven.
+    Differentiability: linear.
+    """
+    if r[0] != 0.0 or min(len(r), len(z)) < 3:
+        raise InputError(f"strains need three positions or more along r, from the axis, and along z, got {r} and {z}.")
+    along_r, along_z = (
+        jnp.asarray(np.gradient(np.eye(len(x)), x, axis=0, edge_order=2), displacement.dtype) for x in (r, z)
+    )
+    radial, axial = displacement[..., 0], displacement[..., 1]
+    rr = jnp.einsum("ij,...jz->...iz", along_r, radial)
+    over_radius = jnp.asarray(1.0 / np.where(r > 0.0, r, 1.0), displacement.dtype)
+    hoop = jnp.einsum("i,...iz->...iz", over_radius, radial).at[..., 0, :].set(rr[..., 0, :])
+    zz = jnp.einsum("ij,...rj->...ri", along_z, axial)
+    shear = jnp.einsum("ij,...rj->...ri", along_z, radial) + jnp.einsum("ij,...jz->...iz", along_r, axial)
+    return jnp.stack([rr, zz, hoop, shear], axis=-1)

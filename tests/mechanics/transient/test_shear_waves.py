@@ -6,7 +6,13 @@ import pytest
 
 from arfjax.errors import InputError
 from arfjax.mechanics.elements.mesh import Mesh
-from arfjax.mechanics.transient.shear_waves import arrival_times, of_one_front, shear_wave_speed, strain_at_gauss_points
+from arfjax.mechanics.transient.shear_waves import (
+    arrival_times,
+    of_one_front,
+    shear_wave_speed,
+    strain_at_gauss_points,
+    strain_on_grid,
+)
 from tests.checks import assert_gradient, assert_order
 
 R = np.linspace(2e-3, 8e-3, 13)
@@ -77,3 +83,30 @@ def test_strains_of_a_quadratic_displacement_are_exact():
     r, z = np.asarray(mesh.gauss_r)[:, None], np.asarray(mesh.gauss_z)[None, :]
     expected = np.stack(np.broadcast_arrays(3.0 * z, 4.0 * z, 3.0 * z, 3.0 * r - 2.0 * r), axis=-1)
     np.testing.assert_allclose(strain, np.broadcast_to(expected, strain.shape), rtol=1e-10, atol=1e-14)
+
+
+def test_strain_on_a_grid_is_exact_for_quadratic_motion_and_of_second_order():
+    def strains(n: int) -> tuple[np.ndarray, np.ndarray]:
+        r, z = np.linspace(0.0, 1.0, n) ** 1.2, np.linspace(-1.0, 1.5, n) + 0.1 * np.sin(np.linspace(0.0, 3.0, n))
+        radii, heights = np.meshgrid(r, z, indexing="ij")
+        wave = np.sin(2.0 * heights)
+        motion = np.stack([radii * (1.0 + radii) * wave, np.cos(2.0 * radii) * heights**2], axis=-1)
+        exact = np.stack(
+            [
+                (1.0 + 2.0 * radii) * wave,
+                2.0 * np.cos(2.0 * radii) * heights,
+                (1.0 + radii) * wave,
+                2.0 * radii * (1.0 + radii) * np.cos(2.0 * heights) - 2.0 * np.sin(2.0 * radii) * heights**2,
+            ],
+            axis=-1,
+        )
+        return np.asarray(strain_on_grid(r, z, jnp.asarray(motion)[None]))[0], exact
+
+    errors = []
+    for n in (21, 41, 81):
+        ours, exact = strains(n)
+        np.testing.assert_allclose(ours[..., (0, 2)], exact[..., (0, 2)], atol=1e-12)  # quadratic along r
+        errors.append(float(np.max(np.abs(ours - exact))))
+    assert_order([4.0, 2.0, 1.0], errors, order=2.0, slack=0.3)
+    with pytest.raises(InputError, match="from the axis"):
+        strain_on_grid(np.array([0.1, 0.2, 0.3]), np.arange(3.0), jnp.zeros((3, 3, 2)))
