@@ -67,7 +67,7 @@ VARIABLES = {
     "focal_dose": ("min", "cumulative equivalent minutes at 43 degC at the geometric focus"),
     "lesion_volume": ("m3", "volume of the lesion"),
     "field_updates": ("1", "how often the sound field had been computed again"),
-    "focal_displacement": ("m", "displacement at the geometric focus during the push"),
+    "focal_displacement": ("m", "displacement at the geometric focus since the start of the push"),
     "displacement_map": ("m", "displacement along the push"),
     "radial_strain": ("1", "strain rr"),
     "axial_strain": ("1", "strain zz"),

@@ -149,6 +149,8 @@ class FractionalKelvinVoigt(eqx.Module):
         _check("relaxed_modulus", self.relaxed_modulus, "Pa")
         _check("viscosity", self.viscosity, "Pa s^order")
         _check("fractional_order", self.fractional_order, "", largest=1.0)
+        if _is_numeric(self.fractional_order) and np.any(np.asarray(self.fractional_order) == 0.0):
+            raise InputError("`fractional_order` of a spring-pot must be above 0; at 0 it is a spring: `Elastic`.")
 
 
 class Prony(eqx.Module):
@@ -190,18 +192,26 @@ def _check_zener(solid: Zener | FractionalZener) -> None:
     _check("relaxed_modulus", solid.relaxed_modulus, "Pa")
     _check("unrelaxed_modulus", solid.unrelaxed_modulus, "Pa")
     _check("relaxation_time", solid.relaxation_time, "s", largest=np.inf)
+    both = [solid.relaxed_modulus, solid.unrelaxed_modulus]
+    if all(_is_numeric(each) for each in both) and np.any(np.asarray(both[1]) < np.asarray(both[0])):
+        raise InputError(
+            "`unrelaxed_modulus` must not be below `relaxed_modulus`, or the solid would make energy, got "
+            f"{np.min(both[1]):g} and {np.max(both[0]):g} Pa. Have they changed places?"
+        )
+
+
+def _is_numeric(values: object) -> bool:
+    # Traced values cannot be looked at, and neither can what a transformation puts in their place.
+    return not isinstance(values, Tracer) and np.issubdtype(np.asarray(values).dtype, np.number)
 
 
 def _check(
     name: str, values: Values | Float[np.ndarray, "..."], unit: str, *, largest: float = LARGEST_MODULUS
 ) -> None:
-    # Traced values cannot be looked at, and neither can what a transformation puts in their place.
-    if isinstance(values, Tracer):
+    if not _is_numeric(values):
         return
     numbers = np.asarray(values)
-    if not np.issubdtype(numbers.dtype, np.number):
-        return
-    bad = numbers[~((numbers >= 0.0) & (numbers <= largest))]
+    bad = numbers[~((numbers >= 0.0) & (numbers <= largest) & np.isfinite(numbers))]
     if bad.size:
-        bounds = "not be negative" if np.isinf(largest) else f"lie in 0 to {largest:g} {unit}".rstrip()
+        bounds = "be finite and not negative" if np.isinf(largest) else f"lie in 0 to {largest:g} {unit}".rstrip()
         raise InputError(f"`{name}` must {bounds}, got {bad.flat[0]:g} {unit}".rstrip() + ". Is its unit right?")

@@ -302,7 +302,7 @@ def peers(python: str, ours: dict) -> dict:
     return {
         "jax-fem": {
             **jax_fem,
-            "seconds_of_all_steps": whole,
+            "extrapolated_to_all_steps_s": whole,
             "value_and_gradient_over_ours": round(whole["value and gradient"] / both, 1),
         },
         "scikit-fem and scipy": {

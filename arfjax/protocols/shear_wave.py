@@ -138,7 +138,7 @@ def watch_push(
     force = force_at(model, temperature, protocol, settings, mesh)
     steps = _steps(protocol.push_duration, watch)
     # Displacement at all nodes, of which every other one, an element's edge, is kept: strain needs its neighbours.
-    node_r = np.linspace(0.0, watch.radius, 2 * round(watch.radius / watch.element) + 1)
+    node_r = mesh.node_r[: 2 * int(np.sum(mesh.r_edges <= watch.radius * (1.0 + 1e-9))) - 1]
     kept = np.flatnonzero(np.abs(mesh.z_edges - settings.focus) <= watch.half_length * (1.0 + 1e-9))
     node_z = mesh.node_z[2 * kept[0] : 2 * kept[-1] + 1]
     r, z = node_r[::2], node_z[::2]

@@ -21,7 +21,7 @@ from arfjax.acoustics.intensity import heat_deposition, radiation_force_density
 from arfjax.laws import extrapolations
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.material.inclusion import material_of, mixed
-from arfjax.mechanics.material.lesion import Ellipsoid, SharpEdge, coagulated_share
+from arfjax.mechanics.material.lesion import Ellipsoid, coagulated_share
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
 from arfjax.mechanics.transient.push import PushResult, PushSettings, solve_push
 from arfjax.media import Scalar, Solid
@@ -151,8 +151,6 @@ def lesion_share(
         assert not isinstance(model.lesion.size, TabulatedSize)  # `Lesion` checks it
         dose, threshold = _dose_at(heating, temperature), model.lesion.size.threshold
         return coagulated_share(mesh, settings.heat_grid, dose, threshold=threshold, width=edge.width)
-    if isinstance(edge, SharpEdge):  # a step wider than the lesion would leave a lesion where there is none
-        edge = SharpEdge(jnp.minimum(edge.width, jnp.maximum(jnp.minimum(size.length, size.diameter), _NO_WIDTH)))
     ellipsoid = Ellipsoid.of_length_and_diameter(size.length, size.diameter, centre=size.centre)
     return edge.share(ellipsoid, mesh.gauss_r[:, None], mesh.gauss_z[None, :])
 
@@ -277,9 +275,6 @@ def stepwise_displacement(
 
 _Step = tuple[Array, Array, Array]
 """Temperature, share of the lesion and force density of one or of every step."""
-
-_NO_WIDTH = 2e-9
-"""Width [m] of the edge of no lesion: far below the distance from the axis to the nearest Gauss point."""
 
 
 def _prepare(

@@ -132,7 +132,7 @@ def resolving(
     if around[0] * around[1] / coarsest**2 > 1e9 or math.prod(vibration_mesh(settings, chosen).shape) > _MOST_ELEMENTS:
         raise InputError(
             f"shear waves of {1e3 * wave:.3g} mm at {last * frequency:g} Hz need elements of {1e3 * coarsest:.2g} mm, "
-            f"more than {_MOST_ELEMENTS} of them; lower the frequency, or use a stiffer reading of the moduli."
+            f"more than {_MOST_ELEMENTS} of them; lower the frequency, or ask for fewer harmonics."
         )
     return chosen
 

@@ -8,11 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
+from arfjax.errors import InputError
 from arfjax.numerics.elements import quadratic
 from arfjax.numerics.quadrature import gauss_legendre
 
 N_GAUSS = 3
 """Gauss points along each side of an element: exact for the mass matrix of a biquadratic element on a ring."""
+
+
+_ROUNDING = 1e-4
+"""Share of half an element by which a position may lie beyond the last edge."""
 
 
 class Wall(enum.Enum):
@@ -28,12 +33,18 @@ class Wall(enum.Enum):
     SLIDING = "sliding"
 
 
-def _as_wall(wall: Wall | bool) -> Wall:
-    return wall if isinstance(wall, Wall) else (Wall.FIXED if wall else Wall.FREE)
+def _as_wall(wall: Wall | bool | str) -> Wall:
+    if isinstance(wall, bool):
+        return Wall.FIXED if wall else Wall.FREE
+    try:
+        return Wall(wall)
+    except ValueError:
+        names = ", ".join(f'"{kind.value}"' for kind in Wall)
+        raise InputError(f"a wall is a `Wall`, one of {names}, or a bool (fixed or free), got {wall!r}.") from None
 
 
 class Walls(eqx.Module):
-    """Conditions on the outer walls. The axis is never a wall. True stands for fixed, False for free.
+    """Conditions on the outer walls, by kind or name. The axis is never a wall. True stands for fixed, False for free.
 
     Attributes:
         outer: The wall at the largest radius.
@@ -44,21 +55,6 @@ class Walls(eqx.Module):
     outer: Wall = eqx.field(static=True, default=Wall.FIXED, converter=_as_wall)
     bottom: Wall = eqx.field(static=True, default=Wall.FIXED, converter=_as_wall)
     top: Wall = eqx.field(static=True, default=Wall.FIXED, converter=_as_wall)
-
-    @property
-    def outer_fixed(self) -> bool:
-        """Whether the wall at the largest radius is fixed."""
-        return self.outer is Wall.FIXED
-
-    @property
-    def bottom_fixed(self) -> bool:
-        """Whether the wall at the smallest z is fixed."""
-        return self.bottom is Wall.FIXED
-
-    @property
-    def top_fixed(self) -> bool:
-        """Whether the wall at the largest z is fixed."""
-        return self.top is Wall.FIXED
 
 
 class Mesh(eqx.Module):
@@ -77,7 +73,7 @@ class Mesh(eqx.Module):
     def __check_init__(self) -> None:
         """Refuse edges that are not ascending or do not start on the axis."""
         for name, edges in (("r_edges", self.r_edges), ("z_edges", self.z_edges)):
-            if len(edges) < 2 or np.any(np.diff(edges) <= 0.0):
+            if len(edges) < 2 or not np.all(np.diff(edges) > 0.0):
                 raise ValueError(f"`{name}` must hold at least two ascending positions [m], got {edges}.")
         if self.r_edges[0] != 0.0:
             raise ValueError(f"`r_edges` must start on the axis at 0 m, got {self.r_edges[0]} m.")
@@ -132,6 +128,18 @@ class Mesh(eqx.Module):
                 free[wall][..., normal] = 0.0
         return free
 
+    def require_inside(self, points: Float[np.ndarray, "point 2"]) -> None:
+        """Refuse positions r, z [m] outside the mesh."""
+        lowest, highest = [0.0, self.z_edges[0]], [self.r_edges[-1], self.z_edges[-1]]
+        slack = 1e-9 * np.abs(highest)
+        outside = ~np.all((points >= lowest - slack) & (points <= highest + slack), axis=1)
+        if np.any(outside):
+            r, z = points[np.flatnonzero(outside)[0]]
+            raise InputError(
+                f"the point r = {r:g} m, z = {z:g} m lies outside the mesh, r up to {highest[0]:g} m and z from "
+                f"{lowest[1]:g} to {highest[1]:g} m. Millimetres, or another origin? Pass metres."
+            )
+
     def element_values(
         self, field: Inexact[Array, "rq zq"] | Inexact[np.ndarray, "rq zq"]
     ) -> Inexact[Array, "ez er 9"]:
@@ -164,13 +172,14 @@ def interpolation_weights(
 ) -> Float[Array, "position node"]:
     """Weights of the nodes along one direction that interpolate quadratically inside the element of each position.
 
-    Positions outside the mesh are extrapolated from its last element.
+    Weights are NaN for positions outside the mesh.
     """
     edges, positions = jnp.asarray(edges, dtype=float), jnp.asarray(positions, dtype=float)
     n_elements = len(edges) - 1
     element = jnp.clip(jnp.searchsorted(edges, positions, side="right") - 1, 0, n_elements - 1)
     left, right = edges[element], edges[element + 1]
-    values = quadratic((2.0 * positions - left - right) / (right - left))
+    place = (2.0 * positions - left - right) / (right - left)
+    values = jnp.where((jnp.abs(place) <= 1.0 + _ROUNDING)[:, None], quadratic(place), jnp.nan)
     weights = jnp.zeros((len(positions), 2 * n_elements + 1), values.dtype)
     rows = jnp.arange(len(positions))[:, None]
     return weights.at[rows, 2 * element[:, None] + jnp.arange(3)[None, :]].set(values)

@@ -42,7 +42,7 @@ class OuterLayer(eqx.Module):
 
     def __check_init__(self) -> None:
         """Refuse a layer that is none."""
-        if not self.thickness > 0.0 or self.n_elements < 1 or self.stretch < 1.0:
+        if not (0.0 < self.thickness < np.inf and self.n_elements >= 1 and 1.0 <= self.stretch < np.inf):
             raise InputError(
                 "an outer layer needs a positive thickness, one element or more and a stretch of 1 or more, got "
                 f"{self.thickness} m, {self.n_elements} and {self.stretch}."
@@ -104,8 +104,8 @@ def refined_edges(
     """Edges from `start` to `stop` [m] whose spacing is `finest` at `focus` and grows smoothly away from it.
 
     Unlike `arfjax.grid.graded_positions`, which stretches each side to end where it should, both sides start with
-    `finest` and their growth is lowered so that they end there: no two neighbours differ by more than `growth`. A side
-    shorter than two of the finest spacings is one interval.
+    `finest` and their growth is lowered so that they end there. No two neighbours differ by more than `growth`, but at
+    a focus nearer to an end than its finest part: that side is cut into even intervals as near to `finest` as can be.
 
     Args:
         start: First edge [m].

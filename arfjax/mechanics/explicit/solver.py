@@ -12,6 +12,7 @@ A step must not be longer than a pressure wave takes across the smallest cell, s
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -50,7 +51,7 @@ def solve_push_explicitly(
     *,
     settings: ExplicitSettings,
     radial_force: NodalField | None = None,
-    amplitude: Amplitude = None,
+    amplitude: Amplitude | Callable[[Float[Array, " time"]], Float[Array, " time"]] = None,
     walls: Walls = _FIXED,
     damping: DampingLayer | None = None,
     points: Float[np.ndarray, "point 2"] = _NO_POINTS,
@@ -70,7 +71,8 @@ def solve_push_explicitly(
         axial_force: Force density along z at the nodes `grid.r_faces`, `grid.z_faces` [N/m^3].
         settings: Steps, duration of the push, maps.
         radial_force: Force density along r at the nodes [N/m^3]; none if not given.
-        amplitude: What the force is multiplied with at each of `settings.times` [1], linear in between, in place of the
+        amplitude: What the force is multiplied with: a function of the times `settings.times`, or its values there [1],
+            linear in between, in place of the
             rectangular push (whose duration then does nothing).
         walls: Conditions on the outer walls.
         damping: A layer along the walls that keeps waves from coming back.
@@ -102,6 +104,9 @@ def solve_push_explicitly(
     """
     material = jax.tree.map(lambda leaf: jnp.asarray(leaf, material.density.dtype), material)
     axial, radial = _checked_forces(grid, material, axial_force, radial_force)
+    _refuse_points_outside(grid, points)
+    if callable(amplitude):
+        amplitude = amplitude(jnp.asarray(settings.times, material.density.dtype))
     coarse_grid, coarse_settings = (coarsened(grid), settings.doubled) if estimate_error else (None, None)
     courant_number = _checked_courant_number(grid, material, settings)
     others = {"walls": walls, "damping": damping}
@@ -157,6 +162,17 @@ def _checked_forces(
             )
     axial = jnp.asarray(axial, dtype)
     return axial, jnp.zeros_like(axial) if radial is None else jnp.asarray(radial, dtype)
+
+
+def _refuse_points_outside(grid: AxisymmetricGrid, points: Float[np.ndarray, "point 2"]) -> None:
+    lowest, highest = [0.0, grid.z_faces[0]], [grid.r_faces[-1], grid.z_faces[-1]]
+    outside = ~np.all((points >= np.array(lowest) - 1e-12) & (points <= np.array(highest) + 1e-12), axis=1)
+    if np.any(outside):
+        r, z = points[np.flatnonzero(outside)[0]]
+        raise InputError(
+            f"the point r = {r:g} m, z = {z:g} m lies outside the grid, r up to {highest[0]:g} m and z from "
+            f"{lowest[1]:g} to {highest[1]:g} m. Millimetres, or another origin? Pass metres."
+        )
 
 
 def _checked_courant_number(

@@ -42,12 +42,12 @@ class HarmonicResult(eqx.Module):
     z_edges: Float[Array, " n_z_edges"]
 
     def at_focus(self, z: Scalar) -> Complex[Array, ""]:
-        """Axial amplitude [m] on the axis at `z` [m], interpolated quadratically inside the element."""
+        """Axial amplitude [m] on the axis at `z` [m], interpolated quadratically; NaN outside the mesh."""
         weights = interpolation_weights(self.z_edges, jnp.asarray(z, dtype=float)[None])[0]
         return self.displacement[0, :, 1] @ weights
 
     def at_points(self, points: Float[np.ndarray, "point 2"] | Float[Array, "point 2"]) -> Complex[Array, "point 2"]:
-        """Amplitude r, z [m] at positions r, z [m], interpolated quadratically inside the element."""
+        """Amplitude r, z [m] at positions r, z [m], interpolated quadratically; NaN outside the mesh."""
         weights_r = interpolation_weights(self.r_edges, points[:, 0])
         weights_z = interpolation_weights(self.z_edges, points[:, 1])
         return jnp.einsum("pr,pz,rzc->pc", weights_r, weights_z, self.displacement)

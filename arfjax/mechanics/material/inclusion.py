@@ -1,6 +1,7 @@
 """What the tissue is at the Gauss points of a mesh, from solids and from closures on (r, z)."""
 
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -56,6 +57,10 @@ def mixed(outside: Solid, inside: Solid, share: Float[Array, "rq zq"] | Float[np
             f"liver is a {type(outside).__name__} and the lesion a {type(inside).__name__}: "
             "give both the same kind of solid."
         )
+    if isinstance(outside, Prony) and isinstance(inside, Prony):
+        counts = [each.branch_moduli.shape[0] for each in (outside, inside)]
+        if counts[0] != counts[1]:
+            raise InputError(f"liver has {counts[0]} branches and the lesion {counts[1]}: give both as many.")
     return jax.tree.map(lambda first, second: _mixed_constant(first, second, jnp.asarray(share)), outside, inside)
 
 
@@ -66,6 +71,7 @@ def material_at(
     density: Scalar,
     reading: ModulusReading,
     poisson_ratio: Scalar,
+    **windows: Any,
 ) -> ViscoelasticField:
     """The field of a material on a mesh, for the march in time.
 
@@ -75,6 +81,8 @@ def material_at(
         density: [kg/m^3].
         reading: Which moduli the solid's are.
         poisson_ratio: At instantaneous loading [1].
+        **windows: What `prony_of` takes: `times` for viscosities, whose first is best the time step, `relative_window`
+            and `tolerance` for fractional solids. The defaults are for a push of 0.5 ms.
     """
     solid = solid_at(jnp.asarray(mesh.gauss_r, dtype=float)[:, None], jnp.asarray(mesh.gauss_z, dtype=float)[None, :])
     return material_of(
@@ -83,6 +91,7 @@ def material_at(
         density=density,
         reading=reading,
         poisson_ratio=poisson_ratio,
+        **windows,
     )
 
 
@@ -93,10 +102,11 @@ def material_of(
     density: Scalar,
     reading: ModulusReading,
     poisson_ratio: Scalar,
+    **windows: Any,
 ) -> ViscoelasticField:
     """The field of a solid whose constants are numbers or fields on the Gauss points, see `material_at`."""
     return viscoelastic_field(
-        prony_of(solid),
+        prony_of(solid, **windows),
         shape,
         density=density,
         bulk_modulus=reading.bulk_modulus(instantaneous_modulus(solid), poisson_ratio),
@@ -170,6 +180,6 @@ def liver_with_lesion(
 
 def _mixed_constant(outside: _Constant, inside: _Constant, share: Float[Array, "rq zq"]) -> Float[Array, "..."]:
     first, second = jnp.asarray(outside, dtype=float), jnp.asarray(inside, dtype=float)
-    if first.ndim == 1:  # branches of a Prony series
-        first, second = first[:, None, None], second[:, None, None]
-    return first + (second - first) * (share[None] if first.ndim == 3 else share)
+    # Branches of a Prony series, where it is one of numbers, have one axis.
+    first, second = (each[:, None, None] if each.ndim == 1 else each for each in (first, second))
+    return first + (second - first) * (share[None] if max(first.ndim, second.ndim) == 3 else share)

@@ -65,21 +65,39 @@ class Ellipsoid(eqx.Module):
 
     def relative_radius(self, r: Points, z: Points) -> Float[Array, "..."]:
         """0 at the centre, 1 on the surface, in proportion between and beyond."""
-        return jnp.hypot(*self._scaled(r, z))
+        return _length(*self._scaled(r, z))
 
     def distance(self, r: Points, z: Points) -> Float[Array, "..."]:
         """Distance from the surface [m], negative inside; of first order in it (exact for a sphere)."""
         across, along = self._scaled(r, z)
-        relative = jnp.hypot(across, along)
-        slope = jnp.hypot(across / jnp.maximum(self.radial, _SMALLEST_AXIS), along / self._axial)
-        return (relative - 1.0) * relative / jnp.maximum(slope, jnp.finfo(slope.dtype).tiny)
+        relative = _length(across, along)
+        slope = _length(across / self._radial, along / self._axial)
+        central = slope == 0.0
+        inside = (relative - 1.0) * relative / jnp.where(central, 1.0, slope)
+        return jnp.where(central, -self.shorter, inside)
+
+    @property
+    def shorter(self) -> Float[Array, ""]:
+        """The shorter semi-axis [m]."""
+        return jnp.minimum(self._axial, self._radial)
 
     @property
     def _axial(self) -> Float[Array, ""]:
         return jnp.maximum(self.axial, _SMALLEST_AXIS)
 
+    @property
+    def _radial(self) -> Float[Array, ""]:
+        return jnp.maximum(self.radial, _SMALLEST_AXIS)
+
     def _scaled(self, r: Points, z: Points) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
-        return jnp.asarray(r) / jnp.maximum(self.radial, _SMALLEST_AXIS), (jnp.asarray(z) - self.centre) / self._axial
+        return jnp.asarray(r) / self._radial, (jnp.asarray(z) - self.centre) / self._axial
+
+
+def _length(across: Float[Array, "..."], along: Float[Array, "..."]) -> Float[Array, "..."]:
+    # Of a vector; with the slope 0 where it vanishes.
+    squared = across**2 + along**2
+    vanishes = squared == 0.0
+    return jnp.where(vanishes, 0.0, jnp.sqrt(jnp.where(vanishes, 1.0, squared)))
 
 
 class Edge(eqx.Module):
@@ -105,7 +123,8 @@ class SharpEdge(Edge):
     """1 inside and 0 outside, by a smooth step over a width centred on the surface.
 
     The step is what gives the material a slope in size and place: take it one to two elements wide. Its volume is that
-    of the ellipsoid up to the square of width over semi-axis; a width beyond the shorter axis leaves no inside.
+    of the ellipsoid up to the square of width over semi-axis. A lesion narrower than the step narrows it to its own
+    shorter axis, so that none is left of a lesion of no size.
 
     Attributes:
         width: Over which the share goes from 1 to 0 [m].
@@ -125,7 +144,8 @@ class SharpEdge(Edge):
 
     def share(self, ellipsoid: Ellipsoid, r: Points, z: Points) -> Float[Array, "..."]:
         """Share of the lesion at points r, z [m]."""
-        rise = jnp.clip(0.5 - ellipsoid.distance(r, z) / self.width, 0.0, 1.0)
+        width = jnp.minimum(self.width, 2.0 * ellipsoid.shorter)
+        rise = jnp.clip(0.5 - ellipsoid.distance(r, z) / width, 0.0, 1.0)
         return rise**2 * (3.0 - 2.0 * rise)
 
 

@@ -97,7 +97,7 @@ def prepare(mesh: Mesh, material: ViscoelasticField, time_step: float) -> Solid:
     at_branches = jax.vmap(functools.partial(at_points, mesh))
     volume = volumes(mesh)
     decrement = time_step / at_branches(material.relaxation_times)
-    kept = -jnp.expm1(-decrement) / decrement
+    kept = mean_decay(decrement)
     return Solid(
         inertia=volume * at_points(mesh, material.density),
         relaxed=2.0 * volume * at_points(mesh, material.relaxed_shear_modulus),
@@ -105,6 +105,14 @@ def prepare(mesh: Mesh, material: ViscoelasticField, time_step: float) -> Solid:
         decay=jnp.exp(-decrement),
         volume=volumetric(mesh, at_points(mesh, material.bulk_modulus)),
     )
+
+
+def mean_decay(decrement: Float[Array, "*any"]) -> Float[Array, "*any"]:
+    """Mean of exp(-x) from 0 to a decrement: by its series where that is small, whose slope keeps its digits."""
+    small = decrement < 1e-3
+    x = jnp.where(small, 1.0, decrement)
+    series = 1.0 - decrement / 2.0 * (1.0 - decrement / 3.0 * (1.0 - decrement / 4.0 * (1.0 - decrement / 5.0)))
+    return jnp.where(small, series, -jnp.expm1(-x) / x)
 
 
 class _State(eqx.Module):
@@ -279,8 +287,7 @@ def matrix_of_a_step(
 ) -> Float[Array, " entry"]:
     """What multiplies the change of displacement in the balance of a step [N/m]."""
     at_elements = mesh.element_values
-    decrement = scheme.time_step / material.relaxation_times
-    kept = -jnp.expm1(-decrement) / decrement
+    kept = mean_decay(scheme.time_step / material.relaxation_times)
     shear = material.relaxed_shear_modulus + jnp.sum(kept * material.branch_shear_moduli, axis=0)
     stiffness = deviatoric_stiffness(mesh, at_elements(shear)) + volumetric_stiffness(
         mesh, at_elements(material.bulk_modulus)

@@ -65,7 +65,7 @@ class PushSettings(eqx.Module):
         if not 0.0 <= self.spectral_radius <= 1.0:
             raise ValueError(f"`spectral_radius` must lie in 0 to 1, got {self.spectral_radius}.")
         steps = min(self.push_duration / self.time_step, 1.0 * self.n_steps)
-        if round(steps) < self.n_steps and abs(steps - round(steps)) > 1e-6 * steps:
+        if steps < self.n_steps and abs(steps - round(steps)) > 1e-6 * steps:
             raise ValueError(
                 f"`push_duration` {self.push_duration} s is {steps:g} steps of {self.time_step} s: the end of the push "
                 "must fall on a step. Take a time step that divides it."
@@ -104,7 +104,7 @@ class PushResult(eqx.Module):
     z_edges: Float[Array, " n_z_edges"]
 
     def at_focus(self, z: Scalar) -> Float[Array, " time"]:
-        """Axial displacement [m] on the axis at `z` [m], interpolated quadratically inside the element."""
+        """Axial displacement [m] on the axis at `z` [m], interpolated quadratically; NaN outside the mesh."""
         weights = interpolation_weights(self.z_edges, jnp.asarray(z, dtype=float)[None])[0]
         return self.axial_displacement_on_axis @ weights
 
@@ -133,7 +133,8 @@ def solve_push(
         points: Positions r, z [m] off the axis at which to give the whole history.
 
     Raises:
-        InputError: if a field does not have the shape of the grid of Gauss points or `amplitude` not that of the times.
+        InputError: if a field does not have the shape of the grid of Gauss points or `amplitude` not that of the times,
+            or a point lies outside the mesh.
 
     Accuracy: second order in the time step, third in the element size (displacement). NaN if the solid is not stable
         (a modulus, relaxation time or density that is not positive, branches that together make energy).
@@ -143,6 +144,7 @@ def solve_push(
     Source: Chung & Hulbert, J. Appl. Mech. 60 (1993) 371 (generalised-alpha); Taylor, Pister & Goudreau, Int. J. Numer.
         Meth. Engng 2 (1970) 45 (recursion for the memory variables).
     """
+    mesh.require_inside(points)
     radial = jnp.zeros_like(axial_force) if radial_force is None else radial_force
     force = jnp.asarray(mesh.free, dtype=float) * load(
         mesh, mesh.element_values(axial_force), mesh.element_values(radial)

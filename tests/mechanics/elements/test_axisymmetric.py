@@ -21,7 +21,7 @@ from arfjax.mechanics.elements.axisymmetric import (
     volumetric_stiffness,
 )
 from arfjax.mechanics.elements.mesh import Mesh, Wall, Walls
-from arfjax.mechanics.transient.march import displacement_pattern
+from arfjax.mechanics.elements.pattern import displacement_pattern
 from arfjax.numerics.assembly import apply_elements, gather
 from arfjax.numerics.sparse_direct import linear_solve
 from tests.mechanics.problems import gaussian_force, small_mesh

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from arfjax.errors import InputError
 from arfjax.mechanics.elements.mesh import Mesh, Wall, Walls, interpolation_weights
 from tests.mechanics.problems import small_mesh
 
@@ -46,6 +47,22 @@ def test_wrong_edges_and_shapes_are_refused():
         Mesh(np.array([0.0, 1.0]), np.array([1.0, 0.0]))
     with pytest.raises(ValueError, match=r"has shape \(12, 15\)"):
         small_mesh().element_values(np.zeros((15, 12)))
+
+
+def test_walls_have_names():
+    walls = Walls(outer="free", bottom="sliding", top=True)
+    assert (walls.outer, walls.bottom, walls.top) == (Wall.FREE, Wall.SLIDING, Wall.FIXED)
+    with pytest.raises(InputError, match='one of "fixed", "free", "sliding".* got \'loose\''):
+        Walls(outer="loose")
+
+
+def test_outside_the_mesh_there_is_nothing():
+    mesh = small_mesh()
+    values = interpolation_weights(mesh.z_edges, [-3.1e-3, 0.0, 2.3e-3]) @ jnp.ones(len(mesh.node_z))
+    np.testing.assert_array_equal(np.isnan(values), [True, False, True])
+    mesh.require_inside(np.array([[0.0, -3e-3], [4.2e-3, 2.2e-3]]))
+    with pytest.raises(InputError, match="r = 20 m, .* Millimetres"):
+        mesh.require_inside(np.array([[0.0, 0.0], [20.0, 0.0]]))
 
 
 def test_sliding_walls_hold_the_normal_component_alone():

@@ -107,7 +107,7 @@ def test_the_motion_is_the_sum_of_its_harmonics():
 def test_empty_harmonics_are_not_solved():
     result = motion(Square, 0.5, FREQUENCY, 3)
     assert float(jnp.max(jnp.abs(result.amplitudes[1]))) == 0.0 and float(jnp.max(jnp.abs(result.amplitudes[2]))) > 0.0
-    assert float(jnp.max(jnp.abs(motion(SineIntensity, 1.0, FREQUENCY, None).amplitudes))) > 0.0
+    assert motion(SineIntensity, 1.0, FREQUENCY, None).amplitudes.shape[0] == 1
 
 
 def test_peak_to_peak():

@@ -11,7 +11,14 @@ from arfjax.grid import AxisymmetricGrid
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.elements.refinement import focused_mesh
 from arfjax.mechanics.force import total_force
-from arfjax.mechanics.material.inclusion import Inclusion, ellipsoid_depth, liver_with_lesion, material_at, material_of
+from arfjax.mechanics.material.inclusion import (
+    Inclusion,
+    ellipsoid_depth,
+    liver_with_lesion,
+    material_at,
+    material_of,
+    mixed,
+)
 from arfjax.mechanics.material.lesion import (
     Edge,
     Ellipsoid,
@@ -172,11 +179,32 @@ def test_gradient_of_a_weighted_share(edge):
 
 
 def test_no_lesion_has_no_share_and_finite_derivatives():
-    for edge in (LinearEdge(), SharpEdge(0.01e-3)):
+    for edge in (LinearEdge(), SharpEdge(0.01e-3), SharpEdge(0.5e-3)):
         share = ellipsoid_share(0.0, 0.0, edge)
         assert float(jnp.max(share)) < 1e-6
         slope = jax.grad(lambda size, edge=edge: jnp.sum(ellipsoid_share(size, size, edge)))(0.0)
         assert np.isfinite(slope)
+
+
+def test_the_centre_of_a_lesion_is_all_lesion_and_has_a_slope():
+    for edge in (LinearEdge(), SharpEdge(0.3e-3)):
+
+        def share(centre, edge=edge):
+            return EllipsoidalLesion(Ellipsoid.of_semi_axes(2e-3, 1e-3, centre=centre), edge)(
+                np.zeros(()), np.array(1e-2)
+            )
+
+        assert float(share(1e-2)) == 1.0
+        assert float(jax.grad(share)(1e-2)) == 0.0
+
+
+def test_branches_of_both_solids_are_as_many():
+    two, one = Prony(1e3, np.array([1.0, 2.0]), np.array([0.1, 0.2])), Prony(1e3, np.array([1.0]), np.array([0.1]))
+    with pytest.raises(InputError, match="1 branches and the lesion 2"):
+        mixed(one, two, np.zeros((3, 4)))
+    field = Prony(1e3, np.full((1, 3, 4), 5.0), np.full((1, 3, 4), 0.1))
+    halfway = mixed(one, field, np.full((3, 4), 0.5))
+    np.testing.assert_allclose(halfway.branch_moduli, np.full((1, 3, 4), 3.0))
 
 
 def dose(grid: AxisymmetricGrid) -> np.ndarray:

@@ -240,7 +240,7 @@ def test_every_solid_has_the_complex_modulus_of_its_branches():
         (lambda: Elastic(-1.0), "`modulus` must lie in 0 to 1e"),
         (lambda: Elastic(3e12), "Is its unit right"),
         (lambda: Zener(1.0, -2.0, 0.1), "unrelaxed_modulus"),
-        (lambda: Zener(1.0, 2.0, -0.1), "`relaxation_time` must not be negative"),
+        (lambda: Zener(1.0, 2.0, -0.1), "`relaxation_time` must be finite and not negative"),
         (lambda: FractionalZener(1.0, 2.0, 0.1, 1.2), "fractional_order"),
         (lambda: KelvinVoigt(1.0, float("nan")), "viscosity"),
         (lambda: FractionalKelvinVoigt(1.0, jnp.array([1.0, -1.0]), 0.5), "viscosity"),
@@ -251,3 +251,15 @@ def test_every_solid_has_the_complex_modulus_of_its_branches():
 def test_constants_that_no_tissue_has_are_refused(make, told):
     with pytest.raises(InputError, match=told):
         make()
+
+
+def test_slope_of_the_kernel_in_the_order_at_one():
+    def kernel(order):
+        return prony_of_fractional_zener(FractionalZener(0.0, 1.0, 1.0, order)).relaxation_modulus(0.5)
+
+    def exact_slope(order, step=5e-4):
+        relaxing = [mittag_leffler(order + side * step, 0.5) for side in (-1.0, 1.0)]
+        return (relaxing[1] - relaxing[0]) / (2.0 * step)
+
+    np.testing.assert_allclose(jax.grad(kernel)(0.999), exact_slope(0.999), rtol=5e-3)
+    assert 0.4 < jax.grad(kernel)(1.0) / exact_slope(0.9995, 2e-4) < 2.5  # "about twice", says the docstring

@@ -14,11 +14,14 @@ from arfjax.errors import InputError
 from arfjax.mechanics.elements import gauss_points
 from arfjax.mechanics.elements.axisymmetric import kinetic_energy, load, strain_energy
 from arfjax.mechanics.elements.mesh import Mesh, Walls
-from arfjax.mechanics.material.viscoelastic import ViscoelasticField
-from arfjax.mechanics.transient.march import Scheme, prepare
+from arfjax.mechanics.material.inclusion import Inclusion, material_at
+from arfjax.mechanics.material.lesion import Ellipsoid, EllipsoidalLesion
+from arfjax.mechanics.material.viscoelastic import ViscoelasticField, YoungModulus
+from arfjax.mechanics.transient.march import Scheme, mean_decay, prepare
 from arfjax.mechanics.transient.push import PushResult, PushSettings, solve_push
+from arfjax.media import FractionalZener
 from arfjax.numerics.sparse_direct import release_factors
-from tests.checks import assert_order
+from tests.checks import assert_gradient_of_each_leaf, assert_order
 from tests.mechanics.problems import Reference, gaussian_force, reference_mesh, small_mesh, uneven_material
 
 SMALL = PushSettings(time_step=5e-5, n_steps=12, push_duration=4e-4)
@@ -202,6 +205,37 @@ def test_gradient_of_the_displacement_at_the_focus():
         np.testing.assert_allclose(product, central, rtol=1e-6)
 
 
+def test_mean_decay_and_its_slope_keep_their_digits():
+    exact = [
+        (1e-12, 1.0 - 5e-13, -0.5),
+        (9.99e-4, -np.expm1(-9.99e-4) / 9.99e-4, None),
+        (2.0, 0.5 * -np.expm1(-2.0), None),
+    ]
+    for x, value, slope in exact:
+        slope = (np.exp(-x) * (1.0 + x) - 1.0) / x**2 if slope is None else slope
+        np.testing.assert_allclose(mean_decay(jnp.asarray(x)), value, rtol=1e-14)
+        np.testing.assert_allclose(jax.grad(mean_decay)(x), slope, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_gradient_to_the_order_the_relaxation_and_the_lesion():
+    """From the constants that people fit to the motion, through the spectrum, the mixture and the march."""
+    mesh = small_mesh()
+    force, settings = small_force(mesh), PushSettings(1e-4, 6)
+
+    def displacement(x):
+        lesion = EllipsoidalLesion(Ellipsoid.of_length_and_diameter(x["length"], x["diameter"], centre=-2e-4))
+        liver = FractionalZener(1e3, 6e3, x["time"], x["order"])
+        coagulated = FractionalZener(4e3, x["modulus"], 2e-3, 0.8)
+        material = material_at(
+            mesh, Inclusion(liver, coagulated, lesion), density=x["density"], reading=YoungModulus(), poisson_ratio=0.49
+        )
+        return 1e6 * solve_push(mesh, material, force, settings=settings).at_focus(-2e-4)[-1]
+
+    start = {"length": 3.4e-3, "diameter": 2.9e-3, "time": 1e-3, "order": 0.6, "modulus": 3e4, "density": 1060.0}
+    assert_gradient_of_each_leaf(displacement, jax.tree.map(jnp.asarray, start), step=1e-4)
+
+
 @pytest.mark.slow
 def test_second_derivatives():
     # The derivative rule holds for itself: no part of it is taken as constant.
@@ -372,6 +406,16 @@ def test_a_batch_of_materials_equals_a_loop():
 def test_nonsense_settings_are_refused():
     with pytest.raises(ValueError, match="must fall on a step"):
         PushSettings(time_step=3e-5, n_steps=40, push_duration=5e-4)
+    with pytest.raises(ValueError, match="must fall on a step"):
+        PushSettings(time_step=1e-4, n_steps=10, push_duration=9.6e-4)
+    with pytest.raises(InputError, match="outside the mesh"):
+        solve_push(
+            small_mesh(),
+            uneven_material(small_mesh()),
+            small_force(small_mesh()),
+            settings=SMALL,
+            points=np.ones((1, 2)),
+        )
     with pytest.raises(ValueError, match="spectral_radius"):
         PushSettings(time_step=1e-5, n_steps=4, push_duration=5e-4, spectral_radius=1.5)
     with pytest.raises(ValueError, match="must be positive"):
