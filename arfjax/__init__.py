@@ -70,9 +70,13 @@ from arfjax.mechanics.harmonic.absorbing import AbsorbingLayer as AbsorbingLayer
 from arfjax.mechanics.harmonic.modulation import SineIntensity as SineIntensity
 from arfjax.mechanics.harmonic.modulation import SinePressure as SinePressure
 from arfjax.mechanics.harmonic.modulation import Square as Square
+from arfjax.mechanics.harmonic.motion import layer_error as layer_error
+from arfjax.mechanics.harmonic.motion import power_balance as power_balance
 from arfjax.mechanics.harmonic.motion import solve_harmonic as solve_harmonic
 from arfjax.mechanics.harmonic.periodic import solve_periodic as solve_periodic
 from arfjax.mechanics.material.complex_modulus import complex_modulus as complex_modulus
+from arfjax.mechanics.material.inclusion import Inclusion as Inclusion
+from arfjax.mechanics.material.inclusion import material_at as material_at
 from arfjax.mechanics.material.lesion import Ellipsoid as Ellipsoid
 from arfjax.mechanics.material.lesion import EllipsoidalLesion as EllipsoidalLesion
 from arfjax.mechanics.material.lesion import LinearEdge as LinearEdge

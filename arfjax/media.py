@@ -57,8 +57,8 @@ class ThermalMedium(eqx.Module):
     metabolic_heat: Values = 0.0
 
 
-LARGEST_MODULUS = 1e10
-"""Modulus [Pa] and viscosity [Pa s] beyond which a solid's constants are refused: bone has 2e10 Pa, tissue 1e6."""
+LARGEST_MODULUS = 1e13
+"""[Pa], or [Pa s] of a viscosity: ten times diamond. Fits that data leave open say tens of GPa of a polymer."""
 
 
 class Elastic(eqx.Module):
