@@ -124,7 +124,8 @@ def test_without_stretch_a_layer_is_more_tissue():
     mesh = Mesh(1e-3 * np.linspace(0.0, 4.0, 5), 1e-3 * np.linspace(-4.0, 4.0, 9), Walls(False, False, False))
     layer = AbsorbingLayer(thickness=6e-3, strength=0.0, bottom=False)
     whole = stretched(mesh, layer).mesh
-    assert (whole.walls.outer_fixed, whole.walls.bottom_fixed, whole.walls.top_fixed) == (True, False, True)
+    walls = whole.walls
+    assert (walls.outer, walls.bottom, walls.top) == (Wall.FIXED, Wall.FREE, Wall.FIXED)
     np.testing.assert_allclose([whole.r_edges[-1], whole.z_edges[0], whole.z_edges[-1]], [1e-2, -4e-3, 1e-2])
     shear = modulus(0.02, 0.3)
 
