@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import acoustics
+from benchmarks import acoustics, mechanics
 
 
 @pytest.mark.slow
@@ -22,6 +22,17 @@ def test_benchmark_of_the_sound_field_runs(tmp_path, monkeypatch):
     assert found["growth, float32"]["harmonics"]["sizes"] == list(acoustics.QUICK.harmonics)
     assert found["attenuations at once, float32"][0]["members"] == 2
     assert found["paper's run"]["float32"]["repeats"] == 1
+
+
+@pytest.mark.slow
+def test_benchmark_of_mechanics_runs(tmp_path, monkeypatch):
+    out = tmp_path / "mechanics.json"
+    monkeypatch.setattr(sys, "argv", ["mechanics", "--quick", "--out", str(out)])
+    mechanics.main()
+    found = json.loads(out.read_text())
+    assert set(found["push of 0.5 ms"]) == set(found["explicit push of 0.5 ms"]) | {"fzener"}
+    assert found["50 Hz"]["error"] < 3e-4 and found["explicit push of 0.5 ms"]["zener"]["error_extrapolated"] < 1e-2
+    assert found["large"]["run"]["min_s"] > 0.0 and found["growth at 20 steps"]["unknowns"][0] > 0
 
 
 @pytest.mark.parametrize("name", ["T1_P50", "T2_P50", "T3_P50", "T1_P150", "T2_P150", "T3_P150"])
