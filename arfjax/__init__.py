@@ -67,6 +67,7 @@ from arfjax.mechanics.explicit.solver import capped_bulk_modulus as capped_bulk_
 from arfjax.mechanics.explicit.solver import solve_push_explicitly as solve_push_explicitly
 from arfjax.mechanics.force import force_map as force_map
 from arfjax.mechanics.harmonic.absorbing import AbsorbingLayer as AbsorbingLayer
+from arfjax.mechanics.harmonic.modulation import Modulation as Modulation
 from arfjax.mechanics.harmonic.modulation import SineIntensity as SineIntensity
 from arfjax.mechanics.harmonic.modulation import SinePressure as SinePressure
 from arfjax.mechanics.harmonic.modulation import Square as Square

@@ -10,9 +10,8 @@ import typer
 import xarray as xr
 
 import arfjax.figures
-from arfjax import Experiment, InputError, range_notes, read_experiment, simulate_heating
+from arfjax import Experiment, InputError, WatchSettings, range_notes, read_experiment, simulate_heating, watch_push
 from arfjax.io import push_dataset, write_netcdf
-from arfjax.protocols.shear_wave import WatchSettings, watch_push
 from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.notes import sound_notes
 from inverse.commands.output import output_directory, quantity, write_figures, write_summary

@@ -15,17 +15,19 @@ from arfjax import (
     Discretisation,
     Experiment,
     InputError,
+    Modulation,
     SineIntensity,
     SinePressure,
     Square,
     range_notes,
     read_experiment,
+    resolving,
     simulate_heating,
+    vibrate,
+    vibration_layer_error,
 )
 from arfjax.experiment.mechanics import Mechanics
 from arfjax.io import vibration_dataset, write_netcdf
-from arfjax.mechanics.harmonic.modulation import Modulation
-from arfjax.protocols.vibration import resolving, vibrate, vibration_layer_error
 from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.notes import sound_notes
 from inverse.commands.output import output_directory, quantity, write_figures, write_summary

@@ -83,6 +83,11 @@ def small_mesh(walls: Walls | None = None) -> Mesh:
     return Mesh(1e-3 * r_edges, 1e-3 * z_edges, Walls() if walls is None else walls)
 
 
+def small_force(mesh: Mesh) -> np.ndarray:
+    """Not centred, so that no symmetry hides a mistake."""
+    return gaussian_force(mesh, 1e5, 1e-3, 1.5e-3, centre=-2e-4)
+
+
 def uneven_material(mesh: Mesh, *, n_branches: int = 2, bulk_modulus: float = 5e5) -> ViscoelasticField:
     """Every constant varies in space."""
     r, z = 1e3 * jnp.asarray(mesh.gauss_r)[:, None], 1e3 * jnp.asarray(mesh.gauss_z)[None, :]

@@ -10,7 +10,6 @@ Integrals go all the way round the axis. Arrays are sorted by elements (axial fi
 functions that users meet take and give fields in the order r, z.
 """
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
@@ -74,14 +73,6 @@ def deviatoric_stiffness(mesh: Mesh, shear_modulus: Float[Array, "ez er 9"]) -> 
 def volumetric_stiffness(mesh: Mesh, bulk_modulus: Float[Array, "ez er 9"]) -> Float[Array, "ez er 18 18"]:
     """Element stiffness [N/m] against change of volume, the linear pressure condensed."""
     return volumetric_stiffness_of(metric_of(mesh), volume_weights(mesh), bulk_modulus)
-
-
-def internal_force(mesh: Mesh, stress: Float[Array, "ez er 9 4"]) -> Float[Array, "row column 2"]:
-    """Nodal force [N] that balances a stress [Pa] at the Gauss points: the transpose of `strains`."""
-    n_r, n_z = mesh.shape
-    shape = jax.ShapeDtypeStruct((n_z, n_r, 9, 2), stress.dtype)
-    transpose = jax.linear_transpose(lambda displacement: strains(mesh, displacement), shape)
-    return scatter(transpose(stress * volume_weights(mesh)[..., None])[0])
 
 
 def load(

@@ -1,7 +1,7 @@
 """From values on positions along a line to the Gauss points of a mesh along it, as weights.
 
-A field on a tensor grid is carried by one matrix along r and one along z. Both kinds keep integrals; the weights of the
-integral are those of `mesh`, so that what Gauss quadrature says afterwards is the integral of the interpolated field.
+A field on a tensor grid is carried by one matrix along r and one along z. Integrals are
+kept: what Gauss quadrature on the mesh says afterwards is the integral of the interpolated field.
 """
 
 import numpy as np
@@ -40,25 +40,6 @@ def projected(
     total = np.zeros((len(middle), N_GAUSS, len(nodes)))
     np.add.at(total, element, moments[:, :, None] * basis[:, None, :])
     return total.reshape(-1, len(nodes)) / _gauss_lengths(edges, ring=ring)[:, None]
-
-
-def averaged(
-    nodes: Float[np.ndarray, " n"], edges: Float[np.ndarray, " n_edges"], *, ring: bool
-) -> Float[np.ndarray, "gauss n"]:
-    """Weights of the means of the linear interpolant over the part of each element that a Gauss point stands for.
-
-    No weight is negative and those of a point sum to 1, so that a field stays within its bounds. Its total is that of
-    the interpolant, which is held at its end values beyond the outermost nodes. Arguments as in `projected`.
-    """
-    own = _gauss_lengths(edges, ring=ring)
-    filled = np.concatenate([[0.0], np.cumsum(own)])
-    cells = np.sqrt(2.0 * filled) if ring else edges[0] + filled
-    cells[::N_GAUSS] = edges  # what the sums only round to
-    position, weight, cell = _between(cells, nodes)
-    basis = interpolation(nodes, position, degree=1, ring=ring)
-    total = np.zeros((len(own), len(nodes)))
-    np.add.at(total, cell, (weight * position if ring else weight)[:, None] * basis)
-    return total / own[:, None]
 
 
 def interpolation(

@@ -11,7 +11,7 @@ from arfjax.grid import AxisymmetricGrid
 from arfjax.mechanics.explicit.grid import Layout
 from arfjax.mechanics.explicit.settings import ExplicitSettings
 from arfjax.mechanics.explicit.solver import assemble_push
-from arfjax.mechanics.explicit.stencil import Solid, State, Strain, advance, at_rest, internal_force, strain_of
+from arfjax.mechanics.explicit.stencil import LatticeSolid, State, Strain, advance, at_rest, internal_force, strain_of
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
 
 
@@ -100,7 +100,7 @@ def _double(one: Float[Array, "3 *any cell"], other: Float[Array, "3 *any cell"]
     return one[0] * other[0] + one[1] * other[1] + hoop + 2.0 * one[2] * other[2]
 
 
-def _damped(solid: Solid, path: list[Array]) -> Float[Array, ""]:
+def _damped(solid: LatticeSolid, path: list[Array]) -> Float[Array, ""]:
     if solid.damping is None:
         return jnp.zeros((), solid.mass.dtype)
     weight = 2.0 * solid.damping * solid.mass / solid.time_step**2

@@ -14,7 +14,7 @@ from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
 from arfjax.mechanics.elements.mesh import Wall, Walls
 from arfjax.mechanics.explicit.grid import Layout
-from arfjax.mechanics.explicit.stencil import Solid, at_rest, internal_force, solid_of, strain_of
+from arfjax.mechanics.explicit.stencil import LatticeSolid, at_rest, internal_force, solid_of, strain_of
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
 
 
@@ -147,7 +147,7 @@ def longest_stable_step(grid: AxisymmetricGrid, material: ViscoelasticField) -> 
 
 
 @jax.jit
-def _bound_of_squared_frequency(solid: Solid) -> Float[Array, ""]:
+def _bound_of_squared_frequency(solid: LatticeSolid) -> Float[Array, ""]:
     # A node acts on those a row or a column away and no further. So a push on every third node of every third row shows
     # each its own entry of the matrix, and nine such pushes in two directions show all of them.
     memory = at_rest(solid).memory

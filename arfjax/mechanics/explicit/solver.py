@@ -33,7 +33,7 @@ from arfjax.mechanics.explicit.grid import (
 )
 from arfjax.mechanics.explicit.result import ExplicitResult, estimate, no_estimate
 from arfjax.mechanics.explicit.settings import ExplicitSettings, longest_stable_step
-from arfjax.mechanics.explicit.stencil import Solid, State, advance, at_rest, internal_force, solid_of, strain_of
+from arfjax.mechanics.explicit.stencil import LatticeSolid, State, advance, at_rest, internal_force, solid_of, strain_of
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
 from arfjax.media import Scalar
 
@@ -217,7 +217,7 @@ def assemble_push(
     amplitude: Amplitude = None,
     walls: Walls = _FIXED,
     damping: DampingLayer | None = None,
-) -> tuple[Solid, tuple[Array, Array], Float[Array, " step"]]:
+) -> tuple[LatticeSolid, tuple[Array, Array], Float[Array, " step"]]:
     """The stencil's constants, the nodal force r, z [N] and its weight in each step; see `solve_push_explicitly`."""
     layout, dtype = Layout(grid), material.density.dtype
     axial, radial = _checked_forces(grid, material, axial_force, radial_force)
@@ -300,7 +300,7 @@ def _observer(layout: Layout, points: Float[np.ndarray, "point 2"], dtype: jnp.d
     return observe
 
 
-def _velocity_at_end(solid: Solid, state: State, force: tuple[Array, Array]) -> Float[Array, "2 node"]:
+def _velocity_at_end(solid: LatticeSolid, state: State, force: tuple[Array, Array]) -> Float[Array, "2 node"]:
     # Half a step on from the last velocity, with the forces at the end.
     opposed = internal_force(solid, strain_of(solid, state.displacement), state.memory)
     slowed = 0.0 if solid.damping is None else solid.damping

@@ -20,7 +20,7 @@ from arfjax.mechanics.explicit.grid import DampingLayer, Layout
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
 
 
-class Solid(eqx.Module):
+class LatticeSolid(eqx.Module):
     """Constants of the stencil.
 
     Attributes:
@@ -73,7 +73,7 @@ class State(eqx.Module):
 
 def solid_of(
     layout: Layout, material: ViscoelasticField, time_step: float, walls: Walls, layer: DampingLayer | None
-) -> Solid:
+) -> LatticeSolid:
     """The constants of the stencil for a material at the centres of the cells."""
     dtype = material.density.dtype
     volume, r_size, z_size, ring = (
@@ -86,7 +86,7 @@ def solid_of(
     shear = material.relaxed_shear_modulus + jnp.sum(gained, axis=0)
     unrelaxed = material.relaxed_shear_modulus + jnp.sum(material.branch_shear_moduli, axis=0)
     rate = None if layer is None else jnp.asarray(0.5 * time_step * layout.damping_rate(layer, walls).ravel(), dtype)
-    return Solid(
+    return LatticeSolid(
         row=layout.row,
         across_r=layout.cells(0.5 / r_size),
         across_ring=layout.cells(0.5 / ring),
@@ -104,7 +104,7 @@ def solid_of(
     )
 
 
-def at_rest(solid: Solid) -> State:
+def at_rest(solid: LatticeSolid) -> State:
     """No displacement, velocity or memory."""
     n_nodes, n_branches, dtype = solid.mass.shape[0], solid.decay.shape[0], solid.mass.dtype
     padded, plain = jnp.zeros(n_nodes + 2 * (solid.row + 1), dtype), jnp.zeros(n_nodes, dtype)
@@ -132,7 +132,7 @@ class Strain(eqx.Module):
         return jnp.stack([self.rr - third, self.zz - third, self.rz])
 
 
-def strain_of(solid: Solid, displacement: tuple[Array, Array]) -> Strain:
+def strain_of(solid: LatticeSolid, displacement: tuple[Array, Array]) -> Strain:
     """Strains of a displacement with margins."""
     mean, along_r, along_z, hourglass_r = _patterns(solid, displacement[0])
     _, axial_along_r, axial_along_z, hourglass_z = _patterns(solid, displacement[1])
@@ -146,7 +146,7 @@ def strain_of(solid: Solid, displacement: tuple[Array, Array]) -> Strain:
     )
 
 
-def _patterns(solid: Solid, values: Float[Array, " margin_node"]) -> tuple[Array, Array, Array, Array]:
+def _patterns(solid: LatticeSolid, values: Float[Array, " margin_node"]) -> tuple[Array, Array, Array, Array]:
     # Of the four nodes of a cell: sum, outer less inner, upper less lower, diagonal less the other diagonal.
     n_cells, row = solid.lame.shape[0], solid.row
     inner, outer, inner_up, outer_up = (values[first : first + n_cells] for first in (0, row, 1, row + 1))
@@ -155,7 +155,7 @@ def _patterns(solid: Solid, values: Float[Array, " margin_node"]) -> tuple[Array
     return level + other, rising + falling, rising - falling, level - other
 
 
-def internal_force(solid: Solid, strain: Strain, memory: Float[Array, "3 branch cell"]) -> tuple[Array, Array]:
+def internal_force(solid: LatticeSolid, strain: Strain, memory: Float[Array, "3 branch cell"]) -> tuple[Array, Array]:
     """Nodal force [N] with which the solid opposes its strain: the transpose of `strain_of` times the stress."""
     remembered = jnp.sum(memory, axis=1)
     pressure = solid.lame * strain.dilatation
@@ -180,7 +180,9 @@ def internal_force(solid: Solid, strain: Strain, memory: Float[Array, "3 branch 
     return radial, axial
 
 
-def _at_nodes(solid: Solid, mean: Array, along_r: Array, along_z: Array, hourglass: Array) -> Float[Array, " node"]:
+def _at_nodes(
+    solid: LatticeSolid, mean: Array, along_r: Array, along_z: Array, hourglass: Array
+) -> Float[Array, " node"]:
     # The transpose of `_patterns`, without the margins.
     n_nodes, row = solid.mass.shape[0], solid.row
     even, odd = mean + hourglass, mean - hourglass
@@ -190,7 +192,7 @@ def _at_nodes(solid: Solid, mean: Array, along_r: Array, along_z: Array, hourgla
     return (first + second) + (third + fourth)
 
 
-def advance(solid: Solid, state: State, force: tuple[Array, Array]) -> State:
+def advance(solid: LatticeSolid, state: State, force: tuple[Array, Array]) -> State:
     """The state a step later under a nodal force [N], the mean of the true one over two steps with a hat's weights."""
     strain = strain_of(solid, state.displacement)
     opposed = internal_force(solid, strain, state.memory)

@@ -14,7 +14,7 @@ from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
 from arfjax.laws import LETHAL_DOSE_MINUTES, coagulated_fraction, log_excess
 from arfjax.mechanics.elements.mesh import Mesh
-from arfjax.mechanics.elements.transfer import averaged, interpolation
+from arfjax.mechanics.elements.transfer import interpolation
 from arfjax.media import Scalar
 
 _SMALLEST_AXIS = 1e-9
@@ -192,26 +192,6 @@ def coagulated_share(
     along_z = jnp.asarray(interpolation(grid.z, mesh.gauss_z, degree=1), dtype=float)
     level = along_r @ log_excess(damage, threshold) @ along_z.T
     return coagulated_fraction(jnp.exp(level), 1.0, width=width)
-
-
-def averaged_share(
-    mesh: Mesh, grid: AxisymmetricGrid, share: Float[Array, "r z"] | Float[np.ndarray, "r z"]
-) -> Float[Array, "rq zq"]:
-    """A share given in the cells of a heat grid, at the Gauss points of a mesh, its volume kept.
-
-    The share is linear between cell centres and held beyond the outermost. Each Gauss point takes the mean over the
-    part of its element that it stands for: it stays within 0 to 1, and its integral over the mesh is that of the share
-    to rounding, also where elements are larger than cells.
-
-    Raises:
-        InputError: if `share` does not fit the grid.
-
-    Differentiability: linear.
-    """
-    _check_shape(share, grid)
-    along_r = jnp.asarray(averaged(grid.r, mesh.r_edges, ring=True), dtype=float)
-    along_z = jnp.asarray(averaged(grid.z, mesh.z_edges, ring=False), dtype=float)
-    return along_r @ jnp.asarray(share, dtype=float) @ along_z.T
 
 
 def _check_shape(values: Float[Array, "r z"] | Float[np.ndarray, "r z"], grid: AxisymmetricGrid) -> None:

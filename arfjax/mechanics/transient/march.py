@@ -79,7 +79,7 @@ class Scheme(eqx.Module):
         return np.stack([velocity, acceleration]), per_change * np.array([self.velocity_gain, 1.0])
 
 
-class Solid(eqx.Module):
+class PreparedSolid(eqx.Module):
     """The solid at the Gauss points, everything times the volume of the point.
 
     In a step the stress that a branch holds is multiplied by `decay` and grows by `gain` times the change of shape.
@@ -92,13 +92,13 @@ class Solid(eqx.Module):
     volume: Volumetric
 
 
-def prepare(mesh: Mesh, material: ViscoelasticField, time_step: float) -> Solid:
+def prepare(mesh: Mesh, material: ViscoelasticField, time_step: float) -> PreparedSolid:
     """The solid of a march with that time step [s]."""
     at_branches = jax.vmap(functools.partial(at_points, mesh))
     volume = volumes(mesh)
     decrement = time_step / at_branches(material.relaxation_times)
     kept = mean_decay(decrement)
-    return Solid(
+    return PreparedSolid(
         inertia=volume * at_points(mesh, material.density),
         relaxed=2.0 * volume * at_points(mesh, material.relaxed_shear_modulus),
         gain=2.0 * volume[None] * kept * at_branches(material.branch_shear_moduli),
@@ -124,7 +124,7 @@ class _State(eqx.Module):
     moments: Float[Array, "3 ez er"]
 
 
-def _at_rest(solid: Solid) -> _State:
+def _at_rest(solid: PreparedSolid) -> _State:
     _, *elements = solid.inertia.shape
     n_branches, dtype = len(solid.gain), solid.inertia.dtype
     return _State(
@@ -139,7 +139,7 @@ def _struck(state: _State, acceleration: Float[Array, "9 2 ez er"]) -> _State:
     return eqx.tree_at(lambda s: s.rates, state, state.rates.at[1].add(acceleration))
 
 
-def _advanced(mesh: Mesh, scheme: Scheme, solid: Solid, state: _State, change: Nodal) -> _State:
+def _advanced(mesh: Mesh, scheme: Scheme, solid: PreparedSolid, state: _State, change: Nodal) -> _State:
     moved = kinematics(mesh, change)
     matrix, gain = scheme.update()
     velocity, acceleration = state.rates
@@ -152,7 +152,7 @@ def _advanced(mesh: Mesh, scheme: Scheme, solid: Solid, state: _State, change: N
     )
 
 
-def _balance(mesh: Mesh, scheme: Scheme, solid: Solid, old: _State, new: _State) -> Nodal:
+def _balance(mesh: Mesh, scheme: Scheme, solid: PreparedSolid, old: _State, new: _State) -> Nodal:
     """Inertia and internal force of a step with these two ends."""
     old_inertia, old_stress = scheme.old_inertia, scheme.old_stress
     momentum = solid.inertia[:, None] * ((1.0 - old_inertia) * new.rates[1] + old_inertia * old.rates[1])
@@ -162,7 +162,7 @@ def _balance(mesh: Mesh, scheme: Scheme, solid: Solid, old: _State, new: _State)
     return _free(mesh) * nodal_force(mesh, deviatoric_stress(stress), pressure, momentum)
 
 
-def _unmoved(scheme: Scheme, solid: Solid, state: _State) -> _State:
+def _unmoved(scheme: Scheme, solid: PreparedSolid, state: _State) -> _State:
     # The end of a step in which nothing moves.
     (_, per_rate), _ = scheme.update()
     acceleration = per_rate[0] * state.rates[0] + per_rate[1] * state.rates[1]
@@ -188,7 +188,7 @@ class Loads(eqx.Module):
     jump: Nodal
 
 
-def march(mesh: Mesh, scheme: Scheme, solid: Solid, factor: Factor, loads: Loads) -> History:
+def march(mesh: Mesh, scheme: Scheme, solid: PreparedSolid, factor: Factor, loads: Loads) -> History:
     """Change of displacement [m] of the nodes in each step of a solid at rest at first.
 
     Args:
@@ -203,7 +203,7 @@ def march(mesh: Mesh, scheme: Scheme, solid: Solid, factor: Factor, loads: Loads
     """
 
     @jax.custom_jvp
-    def solved(solid: Solid, factor: Factor, loads: Loads) -> History:
+    def solved(solid: PreparedSolid, factor: Factor, loads: Loads) -> History:
         return _steps(mesh, scheme, solid, factor, loads)
 
     @solved.defjvp
@@ -212,7 +212,7 @@ def march(mesh: Mesh, scheme: Scheme, solid: Solid, factor: Factor, loads: Loads
         solid_change, _, loads_change = tangents
         changes = solved(solid, factor, loads)
 
-        def imbalance(solid: Solid, loads: Loads) -> History:
+        def imbalance(solid: PreparedSolid, loads: Loads) -> History:
             return loads.balance - _residual(mesh, scheme, solid, loads, changes)
 
         missing = jax.jvp(imbalance, (solid, loads), (solid_change, loads_change))[1]
@@ -221,7 +221,7 @@ def march(mesh: Mesh, scheme: Scheme, solid: Solid, factor: Factor, loads: Loads
     return solved(solid, factor, loads)
 
 
-def _steps(mesh: Mesh, scheme: Scheme, solid: Solid, factor: Factor, loads: Loads) -> History:
+def _steps(mesh: Mesh, scheme: Scheme, solid: PreparedSolid, factor: Factor, loads: Loads) -> History:
     jump = kinematics(mesh, loads.jump).motion
 
     def step(state: _State, load: tuple[Array, Array]) -> tuple[_State, Array]:
@@ -234,7 +234,7 @@ def _steps(mesh: Mesh, scheme: Scheme, solid: Solid, factor: Factor, loads: Load
     return jax.lax.scan(step, _at_rest(solid), (loads.balance, loads.jumps))[1]
 
 
-def _linear_march(mesh: Mesh, scheme: Scheme, solid: Solid, factor: Factor, balance: History) -> History:
+def _linear_march(mesh: Mesh, scheme: Scheme, solid: PreparedSolid, factor: Factor, balance: History) -> History:
     """The motion that these forces in the balance of the steps cause.
 
     What a motion in one step does to the balance of a later one depends on the steps between them alone, by a symmetric
@@ -254,7 +254,7 @@ def _linear_march(mesh: Mesh, scheme: Scheme, solid: Solid, factor: Factor, bala
     return jax.lax.custom_linear_solve(backward_rows, balance[::-1], forward, symmetric=True)
 
 
-def _residual(mesh: Mesh, scheme: Scheme, solid: Solid, loads: Loads, changes: History) -> History:
+def _residual(mesh: Mesh, scheme: Scheme, solid: PreparedSolid, loads: Loads, changes: History) -> History:
     """Inertia and internal force in the balance of every step of a given motion.
 
     Steps are taken in segments, whose states are computed again in reverse mode.
@@ -306,7 +306,7 @@ def factor_of_a_step(mesh: Mesh, scheme: Scheme, material: ViscoelasticField, *,
     return factorise(pattern, matrix_of_a_step(mesh, scheme, material, pattern), backend=backend)
 
 
-def acceleration(mesh: Mesh, solid: Solid, force: Nodal) -> Nodal:
+def acceleration(mesh: Mesh, solid: PreparedSolid, force: Nodal) -> Nodal:
     """Acceleration [m/s^2] of the nodes by a force [N], by conjugate gradients on the scaled mass matrix.
 
     Biquadratic elements have a mass matrix whose condition, scaled to a unit diagonal, does not depend on the mesh: 40

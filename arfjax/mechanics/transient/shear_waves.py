@@ -6,9 +6,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
-from arfjax.mechanics.elements.axisymmetric import strains
-from arfjax.mechanics.elements.mesh import Mesh
-from arfjax.numerics.assembly import gather
 
 _AT_THE_EDGE = 2
 """Samples from either end of a course within which a highest value is no arrival: the wave may not have passed."""
@@ -70,15 +67,6 @@ def shear_wave_speed(r: Float[np.ndarray, " r"], arrival: Float[Array, " r"]) ->
     slope = jnp.sum(weight * (radii - mean_r) * (times - mean_time))
     spread = jnp.sum(weight * (radii - mean_r) ** 2)
     return jnp.where(count >= 3.0, spread / jnp.where(count >= 3.0, slope, 1.0), jnp.nan)
-
-
-def strain_at_gauss_points(mesh: Mesh, displacement: Float[Array, "r z 2"]) -> Float[Array, "rq zq 4"]:
-    """Strains rr, zz, tt and rz (engineering shear) at the Gauss points of a nodal displacement [m]."""
-    by_element = strains(mesh, gather(displacement.transpose(1, 0, 2)))
-    n_r, n_z = mesh.shape
-    points = round(by_element.shape[2] ** 0.5)
-    split = by_element.reshape(n_z, n_r, points, points, 4)
-    return split.transpose(1, 3, 0, 2, 4).reshape(n_r * points, n_z * points, 4)
 
 
 def strain_on_grid(

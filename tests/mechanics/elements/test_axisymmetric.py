@@ -8,10 +8,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from arfjax.mechanics.elements.axisymmetric import (
-    STRESS_OVER_STRAIN,
-    deviator,
     deviatoric_stiffness,
-    internal_force,
     kinetic_energy,
     load,
     mass_matrices,
@@ -106,16 +103,6 @@ def test_rigid_axial_motion_gives_no_force():
     matrices = stiffness(mesh)
     force = apply_elements(matrices, field)
     assert float(jnp.max(jnp.abs(force))) < 1e-12 * float(jnp.max(jnp.abs(matrices)))
-
-
-def test_stress_divergence_agrees_with_the_element_matrices():
-    mesh = small_mesh()
-    field = jnp.asarray(np.random.default_rng(0).normal(size=(len(mesh.node_z), len(mesh.node_r), 2)))
-    shear = mesh.element_values(SHEAR * (1.0 + 100.0 * mesh.gauss_r[:, None] + 50.0 * mesh.gauss_z[None, :]))
-    change = deviator(strains(mesh, gather(field)))
-    force = internal_force(mesh, shear[..., None] * change * STRESS_OVER_STRAIN[None, None, None, :])
-    expected = apply_elements(deviatoric_stiffness(mesh, shear), field)
-    np.testing.assert_allclose(force, expected, rtol=0.0, atol=1e-12 * float(jnp.max(jnp.abs(expected))))
 
 
 def test_energies_of_uniform_fields():

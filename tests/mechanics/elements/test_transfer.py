@@ -11,7 +11,7 @@ from scipy.special import erf
 from arfjax.errors import InputError
 from arfjax.mechanics.elements.axisymmetric import load, volume_weights
 from arfjax.mechanics.elements.mesh import Mesh
-from arfjax.mechanics.elements.transfer import averaged, interpolation, projected
+from arfjax.mechanics.elements.transfer import interpolation, projected
 from arfjax.mechanics.force import force_map, total_force
 from tests.checks import assert_order
 from tests.mechanics.problems import small_mesh
@@ -115,19 +115,6 @@ def test_the_gradient_is_the_transpose_and_loads_are_exact():
     np.testing.assert_allclose(jnp.sum(gradient * force), jnp.sum(seed * mapping(force)), rtol=1e-12)
     nodal = load(mesh, mesh.element_values(mapping(force)), jnp.zeros((5, 4, 9)))
     np.testing.assert_allclose(jnp.sum(nodal[..., 1]), total_force(mesh, mapping(force)), rtol=1e-11)
-
-
-def test_averages_stay_in_bounds_and_keep_the_total():
-    edges = 1e-3 * np.array([0.0, 0.7, 1.5, 2.7, 4.2])
-    weights = averaged(RADII, edges, ring=True)
-    assert np.min(weights) >= 0.0
-    np.testing.assert_allclose(np.sum(weights, axis=1), 1.0, rtol=1e-12)
-    values = np.random.default_rng(6).uniform(size=len(RADII))
-    total, _ = quad(
-        lambda r: np.interp(r, RADII, values) * r, 0.0, 4.2e-3, points=[*RADII], limit=100, epsabs=1e-18, epsrel=1e-13
-    )
-    rings = small_mesh().gauss_weights[0] / (2.0 * np.pi)
-    np.testing.assert_allclose(rings @ weights @ values, total, rtol=1e-11)
 
 
 def test_wrong_shapes_and_places_are_refused():

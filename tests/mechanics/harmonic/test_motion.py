@@ -21,14 +21,10 @@ from arfjax.mechanics.material.viscoelastic import ShearModulus, YoungModulus, p
 from arfjax.mechanics.transient.push import PushSettings, solve_push
 from arfjax.media import Elastic, FractionalKelvinVoigt, FractionalZener, KelvinVoigt, Prony, Zener
 from tests.checks import assert_gradient_of_each_leaf, assert_order
-from tests.mechanics.problems import REFERENCES, gaussian_force, small_mesh, uneven_material
+from tests.mechanics.problems import REFERENCES, gaussian_force, small_force, small_mesh, uneven_material
 
 LAYER = AbsorbingLayer(thickness=0.1, growth=2.0)
 """Thin and coarse: what holds for any matrix holds for this one."""
-
-
-def small_force(mesh: Mesh) -> np.ndarray:
-    return gaussian_force(mesh, 1e5, 1e-3, 1.5e-3, centre=-2e-4)
 
 
 def uneven_field(mesh: Mesh, *, shear: complex = 2e3 + 900j, bulk: float = 5e5) -> HarmonicField:

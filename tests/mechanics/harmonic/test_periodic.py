@@ -18,13 +18,9 @@ from arfjax.mechanics.material.viscoelastic import ViscoelasticField, YoungModul
 from arfjax.media import FractionalZener
 from arfjax.suomi2016 import TABLE_2_FRACTIONAL_ZENER
 from tests.checks import assert_gradient, assert_gradient_of_each_leaf
-from tests.mechanics.problems import gaussian_force, small_mesh, uneven_material
+from tests.mechanics.problems import gaussian_force, small_force, small_mesh, uneven_material
 
 FREQUENCY, FOCUS = 70.0, 1e-4
-
-
-def small_force(mesh: Mesh) -> np.ndarray:
-    return gaussian_force(mesh, 1e5, 1e-3, 1.5e-3, centre=-2e-4)
 
 
 @functools.cache

@@ -25,7 +25,6 @@ from arfjax.mechanics.material.lesion import (
     EllipsoidalLesion,
     LinearEdge,
     SharpEdge,
-    averaged_share,
     coagulated_share,
 )
 from arfjax.mechanics.material.viscoelastic import ShearModulus, YoungModulus
@@ -242,16 +241,6 @@ def test_share_from_a_dose_at_a_point():
     )
 
 
-def test_averaged_share_keeps_the_volume_and_the_bounds():
-    share = np.asarray(np.hypot(GRID.r[:, None] / 1.2e-3, GRID.z[None, :] / 2.5e-3) < 1.0, dtype=float)
-    fine = Mesh(np.linspace(0.0, 4e-3, 49), np.linspace(-5e-3, 5e-3, 76))  # edges of the cells and between
-    volume = float(total_force(fine, averaged_share(fine, GRID, share)))
-    coarse = Mesh(np.linspace(0.0, 4e-3, 4), np.linspace(-5e-3, 5e-3, 6))
-    values = averaged_share(coarse, GRID, share)
-    np.testing.assert_allclose(total_force(coarse, values), volume, rtol=1e-12)
-    assert 0.0 <= float(jnp.min(values)) and float(jnp.max(values)) <= 1.0 + 1e-12
-
-
 def test_closures_on_the_mesh_equal_fields():
     lesion = EllipsoidalLesion(Ellipsoid.of_length_and_diameter(5e-3, 2e-3, centre=0.2e-3))
     by_closure = material_at(MESH, Inclusion(LIVER, LESION, lesion), reading=YoungModulus(), **OTHERS)
@@ -292,4 +281,4 @@ def test_nonsense_is_refused():
     with pytest.raises(InputError, match="width"):
         SharpEdge(0.0)
     with pytest.raises(InputError, match="do not fit the grid"):
-        averaged_share(MESH, GRID, np.zeros((3, 3)))
+        coagulated_share(MESH, GRID, np.zeros((3, 3)), width=0.5)

@@ -22,13 +22,9 @@ from arfjax.mechanics.transient.push import PushResult, PushSettings, solve_push
 from arfjax.media import FractionalZener
 from arfjax.numerics.sparse_direct import release_factors
 from tests.checks import assert_gradient_of_each_leaf, assert_order
-from tests.mechanics.problems import Reference, gaussian_force, reference_mesh, small_mesh, uneven_material
+from tests.mechanics.problems import Reference, gaussian_force, reference_mesh, small_force, small_mesh, uneven_material
 
 SMALL = PushSettings(time_step=5e-5, n_steps=12, push_duration=4e-4)
-
-
-def small_force(mesh: Mesh) -> np.ndarray:
-    return gaussian_force(mesh, 1e5, 1e-3, 1.5e-3, centre=-2e-4)
 
 
 @functools.cache

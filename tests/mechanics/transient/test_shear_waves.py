@@ -5,12 +5,10 @@ import numpy as np
 import pytest
 
 from arfjax.errors import InputError
-from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.transient.shear_waves import (
     arrival_times,
     of_one_front,
     shear_wave_speed,
-    strain_at_gauss_points,
     strain_on_grid,
 )
 from tests.checks import assert_gradient, assert_order
@@ -73,16 +71,6 @@ def test_gradient_of_arrival_and_speed():
 def test_too_few_samples_are_refused():
     with pytest.raises(InputError, match="at least five samples"):
         arrival_times(jnp.linspace(0.0, 1.0, 4), jnp.zeros((4, 2)))
-
-
-def test_strains_of_a_quadratic_displacement_are_exact():
-    mesh = Mesh(np.array([0.0, 1e-3, 2.5e-3]), np.array([0.0, 2e-3, 3e-3, 5e-3]))
-    r, z = jnp.asarray(mesh.node_r)[:, None], jnp.asarray(mesh.node_z)[None, :]
-    displacement = jnp.stack([3.0 * r * z + 0.0 * z, 2.0 * z**2 - r**2], axis=-1)
-    strain = strain_at_gauss_points(mesh, displacement)
-    r, z = np.asarray(mesh.gauss_r)[:, None], np.asarray(mesh.gauss_z)[None, :]
-    expected = np.stack(np.broadcast_arrays(3.0 * z, 4.0 * z, 3.0 * z, 3.0 * r - 2.0 * r), axis=-1)
-    np.testing.assert_allclose(strain, np.broadcast_to(expected, strain.shape), rtol=1e-10, atol=1e-14)
 
 
 def test_strain_on_a_grid_is_exact_for_quadratic_motion_and_of_second_order():
