@@ -19,7 +19,8 @@ from arfjax.mechanics.transient.shear_waves import arrival_times, of_one_front, 
 from arfjax.media import Scalar
 from arfjax.model import Model
 from arfjax.protocols.discretisation import LIVER_RADIUS, Discretisation
-from arfjax.protocols.stepwise import Heating, StepwiseProtocol, force_at, lesion_at, lesion_share, push_material
+from arfjax.protocols.heated_tissue import heated_solid, pushed_material
+from arfjax.protocols.stepwise import Heating, StepwiseProtocol, force_at, lesion_at, lesion_share
 from arfjax.thermal.lesion import LesionSize
 
 _SMALLEST_COUNT = 25
@@ -135,6 +136,7 @@ def watch_push(
             f"a push of {1e3 * protocol.push_duration:g} ms is longer than it is watched, {1e3 * watch.duration:g} ms."
         )
     mesh, lesion = watch_mesh(settings, watch), lesion_at(model, heating, temperature, settings)
+    share = lesion_share(model, heating, temperature, lesion, settings, mesh)
     force = force_at(model, temperature, protocol, settings, mesh)
     steps = _steps(protocol.push_duration, watch)
     # Displacement at all nodes, of which every other one, an element's edge, is kept: strain needs its neighbours.
@@ -146,7 +148,7 @@ def watch_push(
     in_plane = np.stack([r, np.full_like(r, settings.focus)], axis=1)
     result = solve_push(
         mesh,
-        push_material(model, temperature, lesion_share(model, heating, temperature, lesion, settings, mesh)),
+        pushed_material(model, temperature, heated_solid(model, temperature, share), share.shape),
         force,
         settings=steps,
         points=np.concatenate([points, in_plane]),

@@ -17,20 +17,18 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from arfjax.acoustics.field import HarmonicField
-from arfjax.acoustics.intensity import heat_deposition, radiation_force_density
+from arfjax.acoustics.intensity import heat_deposition
 from arfjax.laws import extrapolations
 from arfjax.mechanics.elements.mesh import Mesh
-from arfjax.mechanics.material.inclusion import material_of, mixed
-from arfjax.mechanics.material.lesion import Ellipsoid, coagulated_share
-from arfjax.mechanics.material.viscoelastic import ViscoelasticField
-from arfjax.mechanics.transient.push import PushResult, PushSettings, solve_push
-from arfjax.media import Scalar, Solid
-from arfjax.model import DamageEdge, Model, TabulatedSize
+from arfjax.mechanics.transient.push import PushResult, solve_push
+from arfjax.media import Scalar
+from arfjax.model import Model
 from arfjax.numerics.derivatives import forward_by_reverse
-from arfjax.protocols.discretisation import LIVER_RADIUS, Discretisation, layers_at
+from arfjax.protocols.discretisation import Discretisation, layers_at
+from arfjax.protocols.heated_tissue import force_on, heated_solid, lesion_of, pushed_material, share_of
 from arfjax.thermal.bioheat import Phase, focal_temperature, solve_bioheat
 from arfjax.thermal.dose import cumulative_equivalent_minutes
-from arfjax.thermal.lesion import LesionSize, lesion_size
+from arfjax.thermal.lesion import LesionSize
 
 
 class StepwiseProtocol(eqx.Module):
@@ -126,33 +124,14 @@ def simulate_heating(model: Model, protocol: StepwiseProtocol, settings: Discret
 
 def lesion_at(model: Model, heating: Heating, temperature: Scalar, settings: Discretisation) -> LesionSize:
     """The lesion when the focus reaches `temperature` [degC]."""
-    if isinstance(model.lesion.size, TabulatedSize):
-        size = model.lesion.size
-        length, diameter = jnp.asarray(size.length(temperature)), jnp.asarray(size.diameter(temperature))
-        return LesionSize(length, diameter, np.pi / 6.0 * length * diameter**2, jnp.asarray(settings.focus))
-    return lesion_size(_dose_at(heating, temperature), settings.heat_grid, threshold=model.lesion.size.threshold)
+    return lesion_of(model, temperature, _dose_at(heating, temperature), settings)
 
 
 def lesion_share(
     model: Model, heating: Heating, temperature: Scalar, size: LesionSize, settings: Discretisation, mesh: Mesh
 ) -> Float[Array, "rq zq"]:
-    """Share of the lesion at a mesh's Gauss points when the focus reaches `temperature` [degC], by the model's edge.
-
-    Args:
-        model: The model.
-        heating: The sonication.
-        temperature: Of the focus [degC].
-        size: Of the lesion then; the ellipsoid, if the edge is that of one.
-        settings: Where the heat was computed.
-        mesh: Where the share is wanted.
-    """
-    edge = model.lesion.edge
-    if isinstance(edge, DamageEdge):
-        assert not isinstance(model.lesion.size, TabulatedSize)  # `Lesion` checks it
-        dose, threshold = _dose_at(heating, temperature), model.lesion.size.threshold
-        return coagulated_share(mesh, settings.heat_grid, dose, threshold=threshold, width=edge.width)
-    ellipsoid = Ellipsoid.of_length_and_diameter(size.length, size.diameter, centre=size.centre)
-    return edge.share(ellipsoid, mesh.gauss_r[:, None], mesh.gauss_z[None, :])
+    """Share of the lesion at a mesh's Gauss points when the focus reaches `temperature` [degC], see `share_of`."""
+    return share_of(model, size, _dose_at(heating, temperature), settings, mesh)
 
 
 def force_at(
@@ -175,12 +154,7 @@ def force_at(
         on a grid only, such as another program's, is what that map is for.
     """
     mesh = settings.mesh if mesh is None else mesh
-    front, back = settings.liver
-    r, z = mesh.gauss_r, mesh.gauss_z
-    outside = int(np.sum(r > LIVER_RADIUS)), int(np.sum(z < front)), int(np.sum(z > back))
-    inside_r, inside_z = r[: len(r) - outside[0]], z[outside[1] : len(z) - outside[2]]
-    force = radiation_force_density(layered_field(model, temperature, protocol, settings, r=inside_r, z=inside_z))
-    return jnp.pad(force, ((0, outside[0]), outside[1:]))
+    return force_on(mesh, settings, lambda r, z: layered_field(model, temperature, protocol, settings, r=r, z=z))
 
 
 def push(
@@ -193,30 +167,8 @@ def push(
 ) -> PushResult:
     """One push of liver at `temperature` [degC], of which a share is lesion, by a force density [N/m^3] on the axis."""
     mesh = settings.mesh
-    material = push_material(model, temperature, share)
-    n_steps = settings.n_push_steps * max(round(protocol.push_duration / 0.5e-3), 1)
-    steps = PushSettings(
-        time_step=protocol.push_duration / n_steps, n_steps=n_steps, push_duration=protocol.push_duration
-    )
-    return solve_push(mesh, material, force, settings=steps)
-
-
-def heated_solid(model: Model, temperature: Scalar, share: Float[Array, "rq zq"]) -> Solid:
-    """Constants of liver at `temperature` [degC] of which a share is lesion, as fields."""
-    liver = model.liver.viscoelasticity
-    assert liver is not None  # `Model` checks it
-    return mixed(liver(temperature), model.lesion.viscoelasticity(temperature), share)
-
-
-def push_material(model: Model, temperature: Scalar, share: Float[Array, "rq zq"]) -> ViscoelasticField:
-    """Liver at `temperature` [degC] at Gauss points, of which a share is lesion."""
-    return material_of(
-        heated_solid(model, temperature, share),
-        (share.shape[0], share.shape[1]),
-        density=model.liver.density(temperature),
-        reading=model.modulus_reading,
-        poisson_ratio=model.poisson_ratio,
-    )
+    material = pushed_material(model, temperature, heated_solid(model, temperature, share), share.shape)
+    return solve_push(mesh, material, force, settings=settings.push_steps(protocol.push_duration))
 
 
 def run_stepwise(

@@ -23,12 +23,12 @@ from arfjax.mechanics.harmonic.absorbing import AbsorbingLayer
 from arfjax.mechanics.harmonic.modulation import Modulation
 from arfjax.mechanics.harmonic.motion import layer_error
 from arfjax.mechanics.harmonic.periodic import solve_periodic
-from arfjax.mechanics.material.harmonic import SolidField, shear_wavelength, solid_field
-from arfjax.mechanics.material.inclusion import instantaneous_modulus
-from arfjax.media import Scalar, Solid
+from arfjax.mechanics.material.harmonic import SolidField, shear_wavelength
+from arfjax.media import Scalar
 from arfjax.model import Model
 from arfjax.protocols.discretisation import LIVER_RADIUS, Discretisation
-from arfjax.protocols.stepwise import Heating, StepwiseProtocol, force_at, heated_solid, lesion_at, lesion_share
+from arfjax.protocols.heated_tissue import heated_solid, shaken_material
+from arfjax.protocols.stepwise import Heating, StepwiseProtocol, force_at, lesion_at, lesion_share
 from arfjax.thermal.lesion import LesionSize
 
 _ELEMENTS_A_WAVE = 6
@@ -250,19 +250,8 @@ def _pose(
 ) -> tuple[Mesh, SolidField, Float[Array, "rq zq"], LesionSize]:
     mesh, lesion = vibration_mesh(settings, vibration), lesion_at(model, heating, temperature, settings)
     share = lesion_share(model, heating, temperature, lesion, settings, mesh)
-    solid = _at_any_frequency(model, temperature, heated_solid(model, temperature, share), share.shape)
+    solid = shaken_material(model, temperature, heated_solid(model, temperature, share), share.shape)
     return mesh, solid, force_at(model, temperature, protocol, settings, mesh), lesion
-
-
-def _at_any_frequency(model: Model, temperature: Scalar, solid: Solid, shape: tuple[int, ...]) -> SolidField:
-    return solid_field(
-        solid,
-        (shape[0], shape[1]),
-        density=model.liver.density(temperature),
-        bulk_modulus=model.modulus_reading.bulk_modulus(instantaneous_modulus(solid), model.poisson_ratio),
-        reading=model.modulus_reading,
-        poisson_ratio=model.poisson_ratio,
-    )
 
 
 def _shortest_wave(model: Model, temperature: float, frequency: float) -> float:
@@ -271,7 +260,7 @@ def _shortest_wave(model: Model, temperature: float, frequency: float) -> float:
     @jax.jit  # traced, the lesion's laws do not warn where there is no lesion yet
     def lengths(at: Array) -> Array:
         solid = heated_solid(model, at, jnp.asarray([[0.0, 1.0]]))
-        field = _at_any_frequency(model, at, solid, (1, 2)).at_frequency(2.0 * math.pi * frequency)
+        field = shaken_material(model, at, solid, (1, 2)).at_frequency(2.0 * math.pi * frequency)
         return jnp.asarray(shear_wavelength(field, frequency))
 
     return float(jnp.min(lengths(jnp.asarray(temperature))))

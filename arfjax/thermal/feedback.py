@@ -180,8 +180,8 @@ class Asking(eqx.Module):
         return jax.lax.cond(moved, ahead, lambda: asked), moved
 
 
-def movement(state: Exposure, asked: Asked) -> Float[Array, ""]:
-    """How far the tissue has moved since the source was asked: the largest change [K], or doublings of dose."""
+def movement(state: Exposure, asked: Asked | Exposure) -> Float[Array, ""]:
+    """How far the tissue has moved since something was asked: the largest change [K], or doublings of dose."""
     doublings = jnp.log2((1.0 + state.dose) / (1.0 + asked.dose))
     return jax.lax.stop_gradient(jnp.maximum(jnp.max(jnp.abs(state.rise - asked.rise)), jnp.max(doublings)))
 

@@ -188,10 +188,22 @@ def coagulated_share(
     Differentiability: in damage, threshold and width.
     """
     _check_shape(damage, grid)
+    level = at_gauss_points(mesh, grid, log_excess(damage, threshold))
+    return coagulated_fraction(jnp.exp(level), 1.0, width=width)
+
+
+def at_gauss_points(mesh: Mesh, grid: AxisymmetricGrid, values: Float[Array, "r z"]) -> Float[Array, "rq zq"]:
+    """Values in the cells of a heat grid at the Gauss points of a mesh, linear between centres and held beyond them.
+
+    Raises:
+        InputError: if the values do not fit the grid.
+
+    Accuracy: second order in the cell size.
+    """
+    _check_shape(values, grid)
     along_r = jnp.asarray(interpolation(grid.r, mesh.gauss_r, degree=1, ring=True), dtype=float)
     along_z = jnp.asarray(interpolation(grid.z, mesh.gauss_z, degree=1), dtype=float)
-    level = along_r @ log_excess(damage, threshold) @ along_z.T
-    return coagulated_fraction(jnp.exp(level), 1.0, width=width)
+    return along_r @ values @ along_z.T
 
 
 def _check_shape(values: Float[Array, "r z"] | Float[np.ndarray, "r z"], grid: AxisymmetricGrid) -> None:
