@@ -106,6 +106,11 @@ from arfjax.model import tabulated_size as tabulated_size
 from arfjax.protocols.discretisation import DISPLACEMENT_ACCURACY as DISPLACEMENT_ACCURACY
 from arfjax.protocols.discretisation import Discretisation as Discretisation
 from arfjax.protocols.discretisation import discretise as discretise
+from arfjax.protocols.ladder import Rung as Rung
+from arfjax.protocols.ladder import protocol_ladder as protocol_ladder
+from arfjax.protocols.probing import Probe as Probe
+from arfjax.protocols.probing import ShortPush as ShortPush
+from arfjax.protocols.probing import SteadyShaking as SteadyShaking
 from arfjax.protocols.shear_wave import WatchSettings as WatchSettings
 from arfjax.protocols.shear_wave import watch_push as watch_push
 from arfjax.protocols.sonication import AdaptiveSteps as AdaptiveSteps
@@ -123,6 +128,10 @@ from arfjax.protocols.stepwise import range_notes as range_notes
 from arfjax.protocols.stepwise import run_stepwise as run_stepwise
 from arfjax.protocols.stepwise import simulate_heating as simulate_heating
 from arfjax.protocols.stepwise import stepwise_displacement as stepwise_displacement
+from arfjax.protocols.transient import TissueState as TissueState
+from arfjax.protocols.transient import TransientProtocol as TransientProtocol
+from arfjax.protocols.transient import TransientResult as TransientResult
+from arfjax.protocols.transient import run_transient as run_transient
 from arfjax.protocols.vibration import Vibration as Vibration
 from arfjax.protocols.vibration import VibrationSettings as VibrationSettings
 from arfjax.protocols.vibration import resolving as resolving

@@ -19,9 +19,12 @@ from arfjax.acoustics.power import power_budget
 from arfjax.acoustics.waveform import peak_pressures, readout, waveform
 from arfjax.grid import AxisymmetricGrid
 from arfjax.laws import SMALLEST_DAMAGE
+from arfjax.mechanics.elements.mesh import Mesh
+from arfjax.protocols.discretisation import Discretisation
 from arfjax.protocols.shear_wave import WatchedPush
 from arfjax.protocols.sonication import SonicationResult
 from arfjax.protocols.stepwise import Heating, StepwiseProtocol, StepwiseResult
+from arfjax.protocols.transient import TransientResult
 from arfjax.protocols.vibration import Vibration
 from arfjax.thermal.bioheat import TemperatureHistory, focal_temperature, on_axis
 from arfjax.thermal.lesion import LesionSize
@@ -79,6 +82,10 @@ VARIABLES = {
     "vibration_phase": ("rad", "phase of each against the middle of the strongest force, that of exp(+i omega t)"),
     "focal_vibration": ("m", "displacement at the geometric focus, from its mean over the period"),
     "relative_force": ("1", "radiation force over the largest in the period"),
+    "probed_displacement": ("m", "displacement at the geometric focus that the probe measures"),
+    "probed_displacement_percent": ("percent", "the same, normalised to when the thermocouple shows the reference"),
+    "probed_displacement_map": ("m", "displacement along the beam that the probe measures"),
+    "probed_anew": ("1", "1 where the displacement was computed, 0 where it is interpolated in time"),
     "displacement": ("m", "displacement at the geometric focus at the end of the push"),
     "displacement_percent": ("percent", "displacement normalised to the reference temperature"),
     "sonication_time": ("s", "time at which the sonication reaches the step's temperature"),
@@ -101,6 +108,8 @@ COORDINATES = {
     "course_time": ("s", "time since the start of the push, of the course at the focus"),
     "vibration_harmonic": ("1", "number of the harmonic of the modulation"),
     "modulation_time": ("s", "time since the middle of the strongest force"),
+    "probe_r": ("m", "radial distance of the nodes at which the probe's displacement is given"),
+    "probe_z": ("m", "axial distance from the bowl's apex of those nodes"),
     "step_temperature": ("degC", "temperature of liver and focus in each step"),
 }
 """Standard names of the coordinates: unit and long name."""
@@ -254,6 +263,31 @@ def sonication_dataset(
     }
     arrays = {name: (dimensions, np.asarray(values)) for name, (dimensions, values) in variables.items()}
     return labelled(arrays, {"heating_time": np.asarray(result.time), "heat_r": grid.r, "heat_z": grid.z})
+
+
+def transient_dataset(
+    result: TransientResult, settings: Discretisation, mesh: Mesh, reference_temperature: float
+) -> xr.Dataset:
+    """A watched sonication: its course, and displacement at every output time, normalised to a temperature [degC].
+
+    Args:
+        result: The watched sonication.
+        settings: Its grids.
+        mesh: Of its probe.
+        reference_temperature: That the thermocouple shows when displacement counts as 100 percent [degC].
+    """
+    data = sonication_dataset(result.sonication, settings.heat_grid, settings.focus, result.thermocouple_temperature)
+    by_time = ("heating_time",)
+    variables = {
+        "probed_displacement": (by_time, result.displacement),
+        "probed_displacement_percent": (by_time, 100.0 * result.normalised(reference_temperature)),
+        "probed_anew": (by_time, np.asarray(result.computed, dtype=float)),
+        "probed_displacement_map": ((*by_time, "probe_r", "probe_z"), result.displacement_map),
+    }
+    arrays = {name: (dimensions, np.asarray(values)) for name, (dimensions, values) in variables.items()}
+    probed = labelled(arrays, {"heating_time": np.asarray(result.time), "probe_r": mesh.node_r, "probe_z": mesh.node_z})
+    probed.attrs["reference_temperature_degc"] = reference_temperature
+    return data.merge(probed, combine_attrs="override").assign_attrs(data.attrs | probed.attrs)
 
 
 def stepwise_dataset(result: StepwiseResult, protocol: StepwiseProtocol, reference_temperature: float) -> xr.Dataset:

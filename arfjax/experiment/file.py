@@ -17,6 +17,7 @@ from arfjax.experiment.acoustics import AcousticsSection
 from arfjax.experiment.drive import power_of_focal_pressure, power_of_source_pressure
 from arfjax.experiment.mechanics import LesionSection, Mechanics
 from arfjax.experiment.messages import EXAMPLE, explain
+from arfjax.experiment.monitoring import MonitoringSection
 from arfjax.experiment.numbers import Celsius, Millimetres, Number, Section, between
 from arfjax.experiment.sonication import SonicationSection
 from arfjax.model import Layer, Model
@@ -130,6 +131,7 @@ class Experiment(Section):
     protocol: Protocol
     acoustics: AcousticsSection = AcousticsSection()
     sonication: SonicationSection = SonicationSection()
+    monitoring: MonitoringSection = MonitoringSection()
     calibration: dict[str, Any] = {}
 
     @model_validator(mode="after")

@@ -117,3 +117,34 @@ def _outline(dataset: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     across, along = 500.0 * dataset.attrs["lesion_diameter_m"], 500.0 * dataset.attrs["lesion_length_m"]
     turn = np.linspace(0.0, 2.0 * np.pi, 181 if across > 0.0 else 0)
     return across * np.cos(turn), 1e3 * dataset.attrs["lesion_centre_m"] + along * np.sin(turn)
+
+
+def draw_monitoring(dataset: xr.Dataset) -> Figure:
+    """Displacement over time with temperature beside it, over temperature, and the lesion that grows meanwhile."""
+    figure = new_figure(10.2, 3.3)
+    course, curve, lesion = figure.subplots(1, 3)
+    time = dataset["heating_time"].to_numpy()
+    percent = dataset["probed_displacement_percent"].to_numpy()
+    temperature = dataset["thermocouple_temperature"].to_numpy()
+    reference = dataset.attrs["reference_temperature_degc"]
+    course.plot(time, percent, color=COLOURS[0])
+    beside = course.twinx()
+    beside.plot(time, temperature, color=COLOURS[3], linewidth=1.0)
+    beside.set_ylabel("thermocouple [°C]", color=COLOURS[3])
+    beside.spines[["top"]].set_visible(False)
+    tidy(course, x="time [s]", y=f"displacement [% of {reference:.3g} °C]", title="as it is watched")
+    heating = np.arange(len(time)) <= int(np.argmax(temperature))
+    curve.plot(temperature[heating], percent[heating], color=COLOURS[0], label="heating")
+    if not heating.all():
+        curve.plot(temperature[~heating], percent[~heating], color=COLOURS[0], linestyle=":", label="cooling")
+    curve.axhline(100.0, color="0.8", linewidth=0.8, zorder=0)
+    lethal = np.flatnonzero(dataset["lesion_length"].to_numpy() > 0.0)
+    if lethal.size:
+        curve.plot(temperature[lethal[0]], percent[lethal[0]], "o", color=COLOURS[1], label="lesion appears")
+    curve.legend(frameon=False)
+    tidy(curve, x="thermocouple [°C]", y=f"displacement [% of {reference:.3g} °C]", title="over temperature")
+    lesion.plot(time, 1e3 * dataset["lesion_length"], color=COLOURS[1], label="length")
+    lesion.plot(time, 1e3 * dataset["lesion_diameter"], color=COLOURS[2], label="diameter")
+    lesion.legend(frameon=False)
+    tidy(lesion, x="time [s]", y="size [mm]", title="lesion by dose")
+    return figure

@@ -9,6 +9,7 @@ from inverse.commands.calibrate import calibrate
 from inverse.commands.field import field_command
 from inverse.commands.fit_dma import fit_dma
 from inverse.commands.fit_heating import fit_heating_command
+from inverse.commands.monitor import monitor_command
 from inverse.commands.push import push_command
 from inverse.commands.reproduce import reproduce
 from inverse.commands.simulate import simulate
@@ -28,6 +29,7 @@ app.command("field")(field_command)
 app.command("push")(push_command)
 app.command("vibrate")(vibrate_command)
 app.command("sonicate")(sonicate_command)
+app.command("monitor")(monitor_command)
 app.command()(calibrate)
 app.command("fit-dma")(fit_dma)
 app.command("fit-heating")(fit_heating_command)

@@ -13,6 +13,7 @@ from arfjax.errors import InputError
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.material.lesion import Ellipsoid, EllipsoidalLesion, Points
 from arfjax.mechanics.material.viscoelastic import (
+    FieldOrScalar,
     ModulusReading,
     ViscoelasticField,
     prony_of,
@@ -68,7 +69,7 @@ def material_at(
     mesh: Mesh,
     solid_at: SolidAt,
     *,
-    density: Scalar,
+    density: FieldOrScalar,
     reading: ModulusReading,
     poisson_ratio: Scalar,
     **windows: Any,
@@ -78,7 +79,7 @@ def material_at(
     Args:
         mesh: The mesh.
         solid_at: The material.
-        density: [kg/m^3].
+        density: [kg/m^3], a number or a field.
         reading: Which moduli the solid's are.
         poisson_ratio: At instantaneous loading [1].
         **windows: What `prony_of` takes: `times` for viscosities, whose first is best the time step, `relative_window`
@@ -99,7 +100,7 @@ def material_of(
     solid: Solid,
     shape: tuple[int, int],
     *,
-    density: Scalar,
+    density: FieldOrScalar,
     reading: ModulusReading,
     poisson_ratio: Scalar,
     **windows: Any,
@@ -152,7 +153,7 @@ def liver_with_lesion(
     lesion: Solid,
     depth: Float[Array, "rq zq"],
     *,
-    density: Scalar,
+    density: FieldOrScalar,
     reading: ModulusReading,
     poisson_ratio: Scalar,
 ) -> ViscoelasticField:
@@ -165,7 +166,7 @@ def liver_with_lesion(
         liver: Constants outside the lesion.
         lesion: Constants at the lesion's centre; the same kind of solid.
         depth: Depth in the lesion at the Gauss points, from 0 (outside) to 1 (centre).
-        density: [kg/m^3].
+        density: [kg/m^3], a number or a field.
         reading: Which moduli the solid's are.
         poisson_ratio: [1].
     """
