@@ -12,7 +12,7 @@ from arfjax.grid import graded_positions
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.harmonic.modulation import Modulation, SineIntensity, SinePressure, Square
 from arfjax.mechanics.harmonic.motion import HarmonicResult, solve_harmonic
-from arfjax.mechanics.harmonic.periodic import PeriodicResult, peak_to_peak, solve_periodic
+from arfjax.mechanics.harmonic.periodic import PeriodicResult, solve_periodic
 from arfjax.mechanics.material.harmonic import solid_field
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField, YoungModulus
 from arfjax.media import FractionalZener
