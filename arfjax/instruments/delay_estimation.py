@@ -65,9 +65,9 @@ class DelayEstimation(eqx.Module):
     def delay_sd(self) -> Float[Array, ""]:
         """Least standard deviation of an unbiased estimate of the delay [s]; see the module.
 
-        Accuracy: as a bound, exact for windows that hold many periods of the bandwidth. Cross-correlation of windows
-            with B f0 T = 7 comes within a fifth of it down to 20 dB and within a tenth above; far below 10 dB, or with
-            little correlation, it slips by whole periods, which the bound does not know.
+        Accuracy: as a bound, exact for windows that hold many periods of the bandwidth. Cross-correlation of simulated
+            speckle, B f0 T = 7, has 1.02 of it from 30 to 6 dB and for correlations from 0.999 to 0.8. At 3 dB it has
+            1.3, at 0 dB 2.4: it slips by whole periods, which the bound does not know.
         Differentiability: everywhere but at no noise and full correlation, where it is 0 and its slope is given as 0.
         """
         band = self.fractional_bandwidth**3 + 12.0 * self.fractional_bandwidth

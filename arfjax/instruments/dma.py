@@ -28,7 +28,7 @@ _N_TERMS = 20
 """Terms of the series for a rectangle's pressure: the rest is below 3e-9 of the first, as the fifth power goes."""
 
 Modulus = Complex[Array, "*sample frequency"] | Complex[np.ndarray, "*sample frequency"]
-AngularFrequency = Float[Array, " frequency"] | Float[np.ndarray, " frequency"]
+AngularFrequency = Float[Array, "_"] | Float[np.ndarray, "_"]
 
 
 class ModulusReadings(eqx.Module):
@@ -122,7 +122,7 @@ class DynamicMechanicalAnalyser(eqx.Module):
         Differentiability: in every attribute, the modulus and the frequencies, but at a resonance.
         """
         _require_frequencies(modulus, angular_frequency)
-        omega = jnp.asarray(angular_frequency)
+        omega = jnp.asarray(angular_frequency).reshape((1,) * (modulus.ndim - 1) + (-1,))
         shape = self.thickness / self.area
         sample = jnp.asarray(modulus) * self.stiffening + 1j * omega * self.bath_damping * shape
         # In moduli instead of stiffnesses, so that nothing is scaled to and fro where the instrument is perfect.
@@ -156,7 +156,7 @@ def mean_of_magnitudes(
     n_samples = len(magnitudes)
     if n_samples < 2:
         raise InputError(f"a standard error needs two samples or more along the first axis, got {n_samples}.")
-    deviations = jnp.asarray(magnitudes) - jnp.mean(magnitudes, axis=0)
+    deviations = jnp.asarray(magnitudes) - jnp.mean(magnitudes, axis=0, keepdims=True)
     squared = jnp.sum(deviations**2, axis=0) / (n_samples * (n_samples - 1.0))
     alike = squared == 0.0
     return jnp.mean(magnitudes, axis=0), jnp.where(alike, 0.0, jnp.sqrt(jnp.where(alike, 1.0, squared)))

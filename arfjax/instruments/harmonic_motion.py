@@ -142,7 +142,9 @@ class HarmonicMotionImager(eqx.Module):
         tracked = self.tracker(amplitudes, r, nodes, z=z)
         if self.pulses_per_period is None:
             if key is not None:
-                raise InputError("noise comes with pulses: give `pulses_per_period` (20 for 1 kHz and 50 Hz) or no `key`.")
+                raise InputError(
+                    "noise comes with pulses: give `pulses_per_period` (20 for 1 kHz and 50 Hz) or no `key`."
+                )
             return peak_to_peak(jnp.moveaxis(tracked, -1, 0))
         course = sampled_motion(tracked, n_pulses=self.pulses_per_period, first_pulse=self.first_pulse)
         if key is None:

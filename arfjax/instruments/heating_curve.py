@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 from arfjax.errors import InputError
 from arfjax.media import Scalar
 
-Readings = Float[Array, " sample"] | Float[np.ndarray, " sample"]
-Covariance = Float[Array, "sample sample"] | Float[np.ndarray, "sample sample"]
+Readings = Float[Array, "_"] | Float[np.ndarray, "_"]
+Covariance = Float[Array, "_ _"] | Float[np.ndarray, "_ _"]
 
 
 def moving_mean(
@@ -79,7 +79,9 @@ def normalised_covariance(
     Accuracy: what is left out is of second order in the relative error of the reference.
     """
     if covariance.shape != (len(curve), len(curve)):
-        raise InputError(f"`covariance` has shape {covariance.shape} for {len(curve)} readings; pass one square matrix.")
+        raise InputError(
+            f"`covariance` has shape {covariance.shape} for {len(curve)} readings; pass one square matrix."
+        )
     weights = _weights_at(temperature, curve, reference_temperature)
     reference = weights @ jnp.asarray(curve)
     jacobian = (jnp.eye(len(curve)) - (curve / reference)[:, None] * weights[None, :]) / reference

@@ -23,8 +23,8 @@ from arfjax.media import Scalar
 from arfjax.numerics.interpolation import interpolation_weights
 from arfjax.numerics.quadrature import gauss_legendre
 
-REACH = 5.0
-"""Standard deviations of beam and pulse beyond which they count for nothing: 4e-6 of a beam, 6e-7 of a pulse."""
+REACH = 6.0
+"""Standard deviations of beam and pulse beyond which they count for nothing: 1.5e-8 of a beam, 2e-9 of a pulse."""
 
 N_RADIAL, N_AZIMUTH, N_AXIAL = 24, 16, 24
 """Points over the beam's radius and half its azimuth, and over window and pulse."""
@@ -32,7 +32,7 @@ N_RADIAL, N_AZIMUTH, N_AXIAL = 24, 16, 24
 _LARGEST = 1.0
 """[m]; no tissue is larger, but millimetres given by their number are."""
 
-Positions = Float[Array, " n"] | Float[np.ndarray, " n"]
+Positions = Float[Array, "_"] | Float[np.ndarray, "_"]
 Displacement = Inexact[Array, "*batch r z"] | Inexact[np.ndarray, "*batch r z"]
 
 
@@ -91,10 +91,10 @@ class SpeckleTracker(eqx.Module):
             InputError: if shapes disagree, positions do not ascend, or beam and window reach out of the map (where
                 these are not traced).
 
-        Accuracy: fourth order in the spacing of a smooth map, and exact for displacement that is uniform; 1e-8 for
-            displacement as narrow as a third of `lateral_width` (Gaussians' standard deviations) on a map that is
-            fine enough, but for the 4e-6 of the beam that is cut off. Uncorrelated shifts are left out: within the
-            window and the beam displacement must differ by less than a wavelength, or correlation is lost.
+        Accuracy: fourth order in the spacing of a smooth map, and exact for displacement that is uniform. On a map
+            that is fine enough, 2e-8 for displacement as narrow as a third of `lateral_width` (Gaussians' standard
+            deviations), 6e-7 for displacement as short as `pulse_length`. Left out: where displacement differs by
+            a good part of a wavelength within window and beam, correlation is lost, and with it the mean.
         Differentiability: in the map, `z` and every attribute, at zero too (but see `DelayEstimation`).
         """
         _require_map(displacement, r, nodes)

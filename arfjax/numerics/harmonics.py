@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 
+@jax.jit
 def peak_to_peak(amplitudes: Complex[Array, "harmonic *space"]) -> Float[Array, "*space"]:
     """Largest less smallest value over a period of Re(sum of amplitude_n exp(+i n phase)).
 
@@ -18,9 +19,13 @@ def peak_to_peak(amplitudes: Complex[Array, "harmonic *space"]) -> Float[Array, 
     n_samples = 16 * len(amplitudes)
     phases = 2.0 * np.pi * np.arange(n_samples) / n_samples
     held = jax.lax.stop_gradient(amplitudes)
-    sampled = jax.lax.map(lambda phase: sum_of_harmonics(held, jnp.broadcast_to(phase, held.shape[1:])), jnp.asarray(phases))
+    sampled = jax.lax.map(
+        lambda phase: sum_of_harmonics(held, jnp.broadcast_to(phase, held.shape[1:])), jnp.asarray(phases)
+    )
     highest, lowest = (
-        sum_of_harmonics(amplitudes, _extreme(held, jnp.asarray(phases)[pick(sampled, axis=0)], 2.0 * np.pi / n_samples))
+        sum_of_harmonics(
+            amplitudes, _extreme(held, jnp.asarray(phases)[pick(sampled, axis=0)], 2.0 * np.pi / n_samples)
+        )
         for pick in (jnp.argmax, jnp.argmin)
     )
     return highest - lowest
