@@ -10,7 +10,7 @@ from jaxtyping import Array, Complex, Float, PRNGKeyArray
 
 from arfjax.errors import InputError
 from arfjax.instruments.sampling import require
-from arfjax.instruments.speckle_tracking import Displacement, Positions, SpeckleTracker
+from arfjax.instruments.speckle_tracking import Positions, SpeckleTracker
 from arfjax.media import Scalar
 from arfjax.numerics.harmonics import peak_to_peak, sum_of_harmonics
 
@@ -135,8 +135,9 @@ class HarmonicMotionImager(eqx.Module):
         Raises:
             InputError: as `SpeckleTracker`, or if there is a key but there are no pulses.
 
-        Accuracy: that of the tracker and of `swing`. Every pulse's noise is taken to be its own; displacement against
-            one common echo shares that echo's part, which peak-to-peak does not see: then it is too large.
+        Accuracy: that of the tracker and of `swing`. Every pulse's noise is taken to be its own. Where all
+            are correlated with one echo they share that echo's part, which peak-to-peak does not see: the noise is
+            then less than this.
         Differentiability: that of the tracker and of `swing`.
         """
         tracked = self.tracker(amplitudes, r, nodes, z=z)

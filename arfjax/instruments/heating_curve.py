@@ -56,7 +56,8 @@ def normalised_curve(
 
     Differentiability: in all, with a jump of slope in temperatures where the reference is one of them.
     """
-    return curve / (_weights_at(temperature, curve, reference_temperature) @ jnp.asarray(curve))
+    values = jnp.asarray(curve)
+    return values / (_weights_at(temperature, curve, reference_temperature) @ values)
 
 
 def normalised_covariance(
@@ -79,9 +80,7 @@ def normalised_covariance(
     Accuracy: what is left out is of second order in the relative error of the reference.
     """
     if covariance.shape != (len(curve), len(curve)):
-        raise InputError(
-            f"`covariance` has shape {covariance.shape} for {len(curve)} readings; pass one square matrix."
-        )
+        raise InputError(f"`covariance` has shape {covariance.shape} for {len(curve)} readings; pass a square one.")
     weights = _weights_at(temperature, curve, reference_temperature)
     reference = weights @ jnp.asarray(curve)
     jacobian = (jnp.eye(len(curve)) - (curve / reference)[:, None] * weights[None, :]) / reference

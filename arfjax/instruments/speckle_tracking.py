@@ -1,4 +1,4 @@
-r"""Speckle tracking with one pulse-echo beam: what displacement it finds where displacement differs from place to place.
+r"""Speckle tracking with one pulse-echo beam: what displacement it finds where that differs from place to place.
 
 Cross-correlation of two windows of echo finds one shift for all scatterers that they hold, each with the power with
 which it echoes: to first order in the shifts, the mean of the displacement along the beam, weighted by the squared
@@ -136,7 +136,9 @@ def single_element_tracker(
     sound_speed: Scalar = 1540.0,
     noise_to_signal: Scalar = 0.0,
     correlation: Scalar = 1.0,
-    **settings: Scalar,
+    radial_offset: Scalar = 0.0,
+    axial_offset: Scalar = 0.0,
+    gain: Scalar = 1.0,
 ) -> SpeckleTracker:
     r"""A tracker whose beam is that of a disc focused at the depth of the window.
 
@@ -154,7 +156,9 @@ def single_element_tracker(
         sound_speed: [m/s].
         noise_to_signal: Of the echoes, see `DelayEstimation`.
         correlation: Of successive echoes, see `DelayEstimation`.
-        **settings: Offsets and gain of `SpeckleTracker`.
+        radial_offset: Of the beam, see `SpeckleTracker` [m].
+        axial_offset: Of the window, see `SpeckleTracker` [m].
+        gain: See `SpeckleTracker` [1].
 
     Raises:
         InputError: if a size or a frequency cannot be.
@@ -177,8 +181,10 @@ def single_element_tracker(
         lateral_width=sound_speed * depth / (np.pi * middle * aperture_diameter),
         pulse_length=_SINC_WIDTH * sound_speed / bandwidth,
         window_length=window_length,
+        radial_offset=radial_offset,
+        axial_offset=axial_offset,
+        gain=gain,
         delays=delays,
-        **settings,
     )
 
 

@@ -17,15 +17,11 @@ def peak_to_peak(amplitudes: Complex[Array, "harmonic *space"]) -> Float[Array, 
     if len(amplitudes) == 1:
         return 2.0 * jnp.abs(amplitudes[0])
     n_samples = 16 * len(amplitudes)
-    phases = 2.0 * np.pi * np.arange(n_samples) / n_samples
+    phases = jnp.asarray(2.0 * np.pi * np.arange(n_samples) / n_samples)
     held = jax.lax.stop_gradient(amplitudes)
-    sampled = jax.lax.map(
-        lambda phase: sum_of_harmonics(held, jnp.broadcast_to(phase, held.shape[1:])), jnp.asarray(phases)
-    )
+    sampled = jax.lax.map(lambda phase: sum_of_harmonics(held, jnp.broadcast_to(phase, held.shape[1:])), phases)
     highest, lowest = (
-        sum_of_harmonics(
-            amplitudes, _extreme(held, jnp.asarray(phases)[pick(sampled, axis=0)], 2.0 * np.pi / n_samples)
-        )
+        sum_of_harmonics(amplitudes, _extreme(held, phases[pick(sampled, axis=0)], 2.0 * np.pi / n_samples))
         for pick in (jnp.argmax, jnp.argmin)
     )
     return highest - lowest

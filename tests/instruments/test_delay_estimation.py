@@ -42,9 +42,8 @@ def speckle(rng, shape):
     """Gaussian echoes with a flat spectrum over the band and a mean square of 1, one period of many samples."""
     frequencies = np.fft.rfftfreq(shape[1], 1.0 / SAMPLING)
     inside = (frequencies >= 5.84e6) & (frequencies <= 8.66e6)
-    spectrum = (
-        rng.normal(size=(shape[0], len(frequencies))) + 1j * rng.normal(size=(shape[0], len(frequencies)))
-    ) * inside
+    parts = rng.normal(size=(2, shape[0], len(frequencies)))
+    spectrum = (parts[0] + 1j * parts[1]) * inside
     return spectrum / (2.0 * np.sqrt(np.sum(inside))) * shape[1], frequencies
 
 

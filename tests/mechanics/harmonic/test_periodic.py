@@ -110,18 +110,6 @@ def test_empty_harmonics_are_not_solved():
     assert motion(SineIntensity, 1.0, FREQUENCY, None).amplitudes.shape[0] == 1
 
 
-def test_peak_to_peak():
-    rng = np.random.default_rng(0)
-    for n in (1, 2, 7):
-        tones = rng.normal(size=(n, 3)) + 1j * rng.normal(size=(n, 3))
-        phase = np.linspace(0.0, 2.0 * np.pi, 200_001)
-        course = np.einsum("ns,nt->st", tones, np.exp(1j * np.outer(np.arange(1, n + 1), phase))).real
-        np.testing.assert_allclose(peak_to_peak(jnp.asarray(tones)), np.ptp(course, axis=1), rtol=1e-8)
-    np.testing.assert_allclose(peak_to_peak(jnp.asarray([2.0 + 0j, 0j])), 4.0, rtol=1e-14)
-    parts = {"re": jnp.asarray(rng.normal(size=4)), "im": jnp.asarray(rng.normal(size=4))}
-    assert_gradient(lambda x: peak_to_peak(jax.lax.complex(x["re"], x["im"])), parts, step=1e-4)
-
-
 @functools.cache
 def liver_at_50_hz(n_harmonics: int) -> tuple[PeriodicResult, PeriodicResult, HarmonicResult]:
     """Sine of the intensity, square modulation, and one solve: the paper's liver at 35 degC, its force 4 mm long."""
