@@ -17,7 +17,7 @@ from arfjax.mechanics.material.harmonic import solid_field
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField, YoungModulus
 from arfjax.media import FractionalZener
 from arfjax.suomi2016 import TABLE_2_FRACTIONAL_ZENER
-from tests.checks import assert_gradient, assert_gradient_of_each_leaf
+from tests.checks import assert_gradient_of_each_leaf
 from tests.mechanics.problems import gaussian_force, small_mesh, uneven_material
 
 FREQUENCY, FOCUS = 70.0, 1e-4
