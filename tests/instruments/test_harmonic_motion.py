@@ -113,11 +113,20 @@ def test_noise_of_a_reading(swing, tones):
     np.testing.assert_allclose(once.noise_sd, imager.noise_sd)
 
 
-def test_noise_of_the_paper_is_a_few_nanometres():
-    """30 dB and 2 mm: 0.2 um a pulse, sqrt(2 / 25) of that a reading of extremes."""
+def test_noise_of_the_paper_is_tens_of_nanometres():
+    """30 dB and a window of 2 mm, by the bound 0.196 um a pulse, sqrt(2 / 25) of that a reading of extremes."""
     imager = paper_imager()
     np.testing.assert_allclose(imager.noise_sd, np.sqrt(2.0 / 25.0) * imager.tracker.jitter_sd, rtol=1e-12)
+    np.testing.assert_allclose(imager.tracker.jitter_sd, 0.196e-6, rtol=0.01)
     assert HarmonicMotionImager().noise_sd == 0.0
+
+
+def test_noise_alone_is_read_as_its_range():
+    """Where nothing moves, extremes are the range of 20 normal values, 3.735 standard deviations, averaged or not."""
+    shown = np.asarray(read(paper_imager(), np.zeros((2000, *MAPS.shape), complex), key=jax.random.key(4)))
+    # A range of 20 has a deviation of 0.73 (both from tables of control charts, d2 and d3).
+    error = 0.73 / np.sqrt(2000 * 25)
+    assert abs(shown.mean() / float(paper_imager().tracker.jitter_sd) - 3.735) < 4.0 * error + 5e-4
 
 
 def test_steps_are_read_one_by_one():
