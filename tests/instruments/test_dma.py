@@ -222,7 +222,7 @@ def bonded_disc(radius, thickness, poisson_ratio=0.49999):
     """Apparent over true modulus of a disc by finite elements: one half, above its plane of symmetry."""
     platen = 0.5 * thickness * (1.0 - np.linspace(1.0, 0.0, 5) ** 1.5)
     mesh = Mesh(radius * (1.0 - np.linspace(1.0, 0.0, 9) ** 1.5), platen)
-    shape, points = (len(mesh.node_r), len(mesh.node_z), 2), np.ones((len(mesh.gauss_r), len(mesh.gauss_z)))
+    shape, points = (len(mesh.node_r), len(mesh.node_z), 2), jnp.ones((len(mesh.gauss_r), len(mesh.gauss_z)))
     shear, bulk = 0.5 / (1.0 + poisson_ratio), 1.0 / (3.0 - 6.0 * poisson_ratio)
     stiffness = np.asarray(
         jax.jit(jax.hessian(lambda u: strain_energy(mesh, shear * points, bulk * points, u.reshape(shape))))(
