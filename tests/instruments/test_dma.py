@@ -1,5 +1,7 @@
 """Dynamic mechanical analysis against closed forms: springs in series, masses, bath, delay, bonded blocks."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -53,7 +55,7 @@ def test_springs_in_series():
     np.testing.assert_allclose(
         read(frame_compliance=compliance).modulus, SHAPE / (1.0 / stiffness + compliance), rtol=1e-13
     )
-    rigid = read(1e15 * np.ones(len(OMEGA)) + 0j, frame_compliance=compliance).modulus
+    rigid = read(np.full(len(OMEGA), 1e15 + 0j), frame_compliance=compliance).modulus
     np.testing.assert_allclose(rigid, SHAPE / compliance, rtol=1e-9)
 
 
@@ -141,7 +143,7 @@ def full():
     return DynamicMechanicalAnalyser(9e-3, 350e-6, 1.2, 4e-3, 0.2, 2e-3, 1.5e-2, 0.02, 2e-4, 300.0, 0.05)
 
 
-def total(analyser, modulus=MODULUS, omega=OMEGA):
+def total(analyser, modulus: Any = MODULUS, omega: Any = OMEGA):
     shown = analyser(modulus, omega, key=jax.random.key(3))
     weights = jnp.cos(jnp.arange(12.0))
     return jnp.sum(weights * (shown.magnitude + 0.3 * shown.storage - 0.7 * shown.loss)) * 1e-3
