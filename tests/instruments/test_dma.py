@@ -25,7 +25,7 @@ MODULUS = 2000.0 * (1.0 + (1j * OMEGA * 0.01) ** 0.4)
 SHAPE = 10e-3 / 400e-6
 
 
-def read(modulus=MODULUS, key=None, **settings):
+def read(modulus: Any = MODULUS, key=None, **settings):
     return DynamicMechanicalAnalyser(**settings)(modulus, OMEGA, key=key)
 
 
