@@ -42,6 +42,21 @@ class LesionColumn(NamedTuple):
     diameter_mm: float
 
 
+class MotionImagingText(NamedTuple):
+    """Section "Thermal ablation monitoring using harmonic motion imaging": the imaging transducer and what it does."""
+
+    imaging_frequency_mhz: float
+    imaging_diameter_mm: float
+    lowest_frequency_mhz: float
+    highest_frequency_mhz: float
+    focal_length_mm: float
+    sampling_frequency_mhz: float
+    pulse_repetition_frequency_hz: float
+    modulation_frequency_hz: float
+    averaged_samples: int
+    reference_temperature: float
+
+
 TABLE_1_ACOUSTIC: Final = {
     "water": AcousticRow(1000.0, 1482.0, 0.00217, 2.00, 5.0),
     "skin": AcousticRow(1090.0, 1615.0, 0.35, 1.55, 7.9),
@@ -107,3 +122,7 @@ TEXT_MODULUS_KPA: Final = {
     ("fractional-zener", 80.0, 200.0): 200.0,
 }
 """Magnitude of the modulus that the text reads off its curves, by model, temperature [degC] and frequency [Hz]."""
+
+TEXT_MOTION_IMAGING: Final = MotionImagingText(7.5, 16.5, 5.84, 8.66, 90.0, 100.0, 1000.0, 50.0, 25, 37.0)
+"""The focal length is that of the bowl around it; whether the imaging transducer is focused, and how long the window of
+its cross-correlation was, the paper does not say."""

@@ -79,13 +79,41 @@ def require_inside(what: str, grid: AxisymmetricGrid, *, radius: Scalar, near: S
     Raises:
         InputError: where the region lies and where the grid does.
     """
-    if any(isinstance(value, Tracer) for value in (radius, near, far)):
+    ends = (grid.z_faces[0], grid.z_faces[-1])
+    require_within(what, "grid", ends, grid.r_faces[-1], radius=radius, near=near, far=far)
+
+
+def require_within(
+    what: str,
+    where: str,
+    ends: tuple[Scalar | np.floating, Scalar | np.floating],
+    edge: Scalar | np.floating,
+    *,
+    radius: Scalar,
+    near: Scalar,
+    far: Scalar,
+) -> None:
+    """Refuse a region that reaches beyond what is known between two z, `ends`, and up to the radius `edge`.
+
+    Args:
+        what: What senses there.
+        where: What the field is known on.
+        ends: Its lowest and highest z [m].
+        edge: Its largest radius [m].
+        radius: Largest distance of the region from the axis [m].
+        near: Its lowest z [m].
+        far: Its highest z [m].
+
+    Raises:
+        InputError: where the region lies and where the field is known; nothing where any of that is traced.
+    """
+    if any(isinstance(value, Tracer) for value in (radius, near, far, edge, *ends)):
         return
-    first, last, edge = grid.z_faces[0], grid.z_faces[-1], grid.r_faces[-1]
+    first, last = ends
     if not (near >= first and far <= last and radius <= edge):
         raise InputError(
-            f"the {what} reaches from z = {near:g} to {far:g} m and to r = {radius:g} m, the grid only from "
-            f"z = {first:g} to {last:g} m and to r = {edge:g} m. Millimetres? Pass metres; or enlarge the grid."
+            f"the {what} reaches from z = {near:g} to {far:g} m and to r = {radius:g} m, the {where} only from "
+            f"z = {first:g} to {last:g} m and to r = {edge:g} m. Millimetres? Pass metres; or enlarge the {where}."
         )
 
 

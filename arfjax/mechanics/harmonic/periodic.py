@@ -15,6 +15,7 @@ from arfjax.mechanics.harmonic.motion import ForceField, solve_harmonic
 from arfjax.mechanics.material.harmonic import HarmonicMaterial
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
 from arfjax.media import Scalar
+from arfjax.numerics.harmonics import peak_to_peak, sum_of_harmonics
 
 _TAIL = 8
 """The bound of what is left out sums up to so many times the last harmonic; 2 % of it lie beyond."""
@@ -60,7 +61,7 @@ class PeriodicResult(eqx.Module):
     def time_course(self, z: Scalar, time: Float[Array, " time"] | Float[np.ndarray, " time"]) -> Float[Array, " time"]:
         """Axial displacement [m] on the axis at `z` [m] at times [s] from the middle of the strongest force."""
         mean = self.offset[0, :, 1] @ self._axial_weights(z)
-        return mean + _sum_of(self.at_focus(z), 2.0 * jnp.pi * self.frequency * jnp.asarray(time, dtype=float))
+        return mean + sum_of_harmonics(self.at_focus(z), 2.0 * jnp.pi * self.frequency * jnp.asarray(time, dtype=float))
 
     def _axial_weights(self, z: Scalar) -> Float[Array, " node"]:
         return interpolation_weights(self.z_edges, jnp.asarray(z, dtype=float)[None])[0]
@@ -135,44 +136,3 @@ def solve_periodic(
         r_edges=jnp.asarray(mesh.r_edges, dtype=float),
         z_edges=jnp.asarray(mesh.z_edges, dtype=float),
     )
-
-
-def peak_to_peak(amplitudes: Complex[Array, "harmonic *space"]) -> Float[Array, "*space"]:
-    """Largest less smallest value over a period of Re(sum of amplitude_n exp(+i n phase)).
-
-    Accuracy: rounding (extremes among 16 samples for each harmonic, then Newton's method); twice the magnitude where
-        there is one harmonic only.
-    Differentiability: in the amplitudes, where highest and lowest value are each reached once.
-    """
-    if len(amplitudes) == 1:
-        return 2.0 * jnp.abs(amplitudes[0])
-    n_samples = 16 * len(amplitudes)
-    phases = 2.0 * np.pi * np.arange(n_samples) / n_samples
-    held = jax.lax.stop_gradient(amplitudes)
-    sampled = jax.lax.map(lambda phase: _sum_of(held, jnp.broadcast_to(phase, held.shape[1:])), jnp.asarray(phases))
-    highest, lowest = (
-        _sum_of(amplitudes, _extreme(held, jnp.asarray(phases)[pick(sampled, axis=0)], 2.0 * np.pi / n_samples))
-        for pick in (jnp.argmax, jnp.argmin)
-    )
-    return highest - lowest
-
-
-def _extreme(
-    amplitudes: Complex[Array, "harmonic *space"], start: Float[Array, "*space"], spacing: float
-) -> Float[Array, "*space"]:
-    # Phase at which the slope vanishes, by Newton's method from the best sample, and never far from it.
-    turn = 1j * jnp.arange(1.0, len(amplitudes) + 1.0).reshape((-1,) + (1,) * start.ndim)
-
-    def step(_: object, phase: Array) -> Array:
-        slope, curvature = _sum_of(amplitudes * turn, phase), _sum_of(amplitudes * turn**2, phase)
-        flat = curvature == 0.0
-        moved = phase - jnp.where(flat, 0.0, slope / jnp.where(flat, 1.0, curvature))
-        return jnp.clip(moved, start - spacing, start + spacing)
-
-    return jax.lax.fori_loop(0, 6, step, start)
-
-
-def _sum_of(amplitudes: Complex[Array, "harmonic *space"], phase: Float[Array, "*point"]) -> Float[Array, "*point"]:
-    order = jnp.arange(1.0, len(amplitudes) + 1.0).reshape((-1,) + (1,) * phase.ndim)
-    amplitudes = amplitudes.reshape(amplitudes.shape + (1,) * (phase.ndim + 1 - amplitudes.ndim))
-    return jnp.sum((amplitudes * jnp.exp(1j * order * phase[None])).real, axis=0)

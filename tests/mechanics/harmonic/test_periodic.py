@@ -12,12 +12,12 @@ from arfjax.grid import graded_positions
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.harmonic.modulation import Modulation, SineIntensity, SinePressure, Square
 from arfjax.mechanics.harmonic.motion import HarmonicResult, solve_harmonic
-from arfjax.mechanics.harmonic.periodic import PeriodicResult, peak_to_peak, solve_periodic
+from arfjax.mechanics.harmonic.periodic import PeriodicResult, solve_periodic
 from arfjax.mechanics.material.harmonic import solid_field
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField, YoungModulus
 from arfjax.media import FractionalZener
 from arfjax.suomi2016 import TABLE_2_FRACTIONAL_ZENER
-from tests.checks import assert_gradient, assert_gradient_of_each_leaf
+from tests.checks import assert_gradient_of_each_leaf
 from tests.mechanics.problems import gaussian_force, small_force, small_mesh, uneven_material
 
 FREQUENCY, FOCUS = 70.0, 1e-4
@@ -104,18 +104,6 @@ def test_empty_harmonics_are_not_solved():
     result = motion(Square, 0.5, FREQUENCY, 3)
     assert float(jnp.max(jnp.abs(result.amplitudes[1]))) == 0.0 and float(jnp.max(jnp.abs(result.amplitudes[2]))) > 0.0
     assert motion(SineIntensity, 1.0, FREQUENCY, None).amplitudes.shape[0] == 1
-
-
-def test_peak_to_peak():
-    rng = np.random.default_rng(0)
-    for n in (1, 2, 7):
-        tones = rng.normal(size=(n, 3)) + 1j * rng.normal(size=(n, 3))
-        phase = np.linspace(0.0, 2.0 * np.pi, 200_001)
-        course = np.einsum("ns,nt->st", tones, np.exp(1j * np.outer(np.arange(1, n + 1), phase))).real
-        np.testing.assert_allclose(peak_to_peak(jnp.asarray(tones)), np.ptp(course, axis=1), rtol=1e-8)
-    np.testing.assert_allclose(peak_to_peak(jnp.asarray([2.0 + 0j, 0j])), 4.0, rtol=1e-14)
-    parts = {"re": jnp.asarray(rng.normal(size=4)), "im": jnp.asarray(rng.normal(size=4))}
-    assert_gradient(lambda x: peak_to_peak(jax.lax.complex(x["re"], x["im"])), parts, step=1e-4)
 
 
 @functools.cache
