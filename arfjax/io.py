@@ -82,9 +82,10 @@ VARIABLES = {
     "vibration_phase": ("rad", "phase of each against the middle of the strongest force, that of exp(+i omega t)"),
     "focal_vibration": ("m", "displacement at the geometric focus, from its mean over the period"),
     "relative_force": ("1", "radiation force over the largest in the period"),
-    "probed_displacement": ("m", "displacement at the geometric focus that the probe measures"),
-    "probed_displacement_percent": ("percent", "the same, normalised to when the thermocouple shows the reference"),
-    "probed_displacement_map": ("m", "displacement along the beam that the probe measures"),
+    "probed_displacement": ("m", "displacement at the geometric focus that the probe makes"),
+    "tracked_displacement": ("m", "the same as the tracker measures it"),
+    "tracked_displacement_percent": ("percent", "the same over that when the thermocouple shows the reference"),
+    "probed_displacement_map": ("m", "displacement along the beam that the probe makes"),
     "probed_anew": ("1", "1 where the displacement was computed, 0 where it is interpolated in time"),
     "displacement": ("m", "displacement at the geometric focus at the end of the push"),
     "displacement_percent": ("percent", "displacement normalised to the reference temperature"),
@@ -280,7 +281,8 @@ def transient_dataset(
     by_time = ("heating_time",)
     variables = {
         "probed_displacement": (by_time, result.displacement),
-        "probed_displacement_percent": (by_time, 100.0 * result.normalised(reference_temperature)),
+        "tracked_displacement": (by_time, result.tracked),
+        "tracked_displacement_percent": (by_time, 100.0 * result.normalised(reference_temperature)),
         "probed_anew": (by_time, np.asarray(result.computed, dtype=float)),
         "probed_displacement_map": ((*by_time, "probe_r", "probe_z"), result.displacement_map),
     }

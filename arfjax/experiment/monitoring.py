@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import model_validator
 
 from arfjax.experiment.numbers import Celsius, Number, Section, between
+from arfjax.instruments.speckle_tracking import SpeckleTracker, single_element_tracker
 from arfjax.mechanics.harmonic.modulation import Modulation, SineIntensity, SinePressure, Square
 from arfjax.model import Model
 from arfjax.protocols.discretisation import Discretisation
@@ -12,6 +13,44 @@ from arfjax.protocols.probing import Probe, ShortPush, SteadyShaking
 from arfjax.protocols.vibration import resolving
 
 _SHARE = Annotated[Number, between(0.01, 1.0, "", "it is a share, not percent")]
+
+
+class TrackingSection(Section):
+    """A focused disc that tracks speckle along the beam's axis, or a perfect point."""
+
+    aperture_diameter_mm: Annotated[Number, between(1.0, 200.0, "mm", "give millimetres")] | None = None
+    lowest_frequency_mhz: Annotated[Number, between(0.1, 100.0, "MHz", "is it in Hz? Give MHz")] = 5.84
+    highest_frequency_mhz: Annotated[Number, between(0.1, 100.0, "MHz", "is it in Hz? Give MHz")] = 8.66
+    window_mm: Annotated[Number, between(0.1, 20.0, "mm", "give millimetres")] = 2.0
+    radial_offset_mm: Annotated[Number, between(0.0, 5.0, "mm", "give millimetres")] = 0.0
+    axial_offset_mm: Annotated[Number, between(-5.0, 5.0, "mm", "give millimetres")] = 0.0
+
+    @model_validator(mode="after")
+    def _band_is_one(self) -> "TrackingSection":
+        if self.lowest_frequency_mhz >= self.highest_frequency_mhz:
+            raise ValueError(
+                f"lowest_frequency_mhz {self.lowest_frequency_mhz:g} must be below highest_frequency_mhz "
+                f"{self.highest_frequency_mhz:g}; correct one of the two"
+            )
+        if self.aperture_diameter_mm is None and self.model_fields_set:
+            raise ValueError(
+                "tracking by a perfect point has no other keys; give aperture_diameter_mm, or leave it out"
+            )
+        return self
+
+    def tracker(self, depth: float) -> SpeckleTracker:
+        """The tracker, focused at a depth [m]."""
+        if self.aperture_diameter_mm is None:
+            return SpeckleTracker()
+        return single_element_tracker(
+            aperture_diameter=1e-3 * self.aperture_diameter_mm,
+            depth=depth,
+            lowest_frequency=1e6 * self.lowest_frequency_mhz,
+            highest_frequency=1e6 * self.highest_frequency_mhz,
+            window_length=1e-3 * self.window_mm,
+            radial_offset=1e-3 * self.radial_offset_mm,
+            axial_offset=1e-3 * self.axial_offset_mm,
+        )
 
 
 class MonitoringSection(Section):
@@ -25,6 +64,7 @@ class MonitoringSection(Section):
     push_ms: Annotated[Number, between(0.01, 20.0, "ms", "is it in seconds? Give milliseconds")] = 0.5
     tolerance_k: Annotated[Number, between(0.1, 50.0, "K", "give kelvin")] = 2.0
     normalised_at_c: Celsius | None = None
+    tracking: TrackingSection = TrackingSection()
 
     @model_validator(mode="after")
     def _choices_fit(self) -> "MonitoringSection":

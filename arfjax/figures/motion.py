@@ -124,7 +124,7 @@ def draw_monitoring(dataset: xr.Dataset) -> Figure:
     figure = new_figure(10.2, 3.3)
     course, curve, lesion = figure.subplots(1, 3)
     time = dataset["heating_time"].to_numpy()
-    percent = dataset["probed_displacement_percent"].to_numpy()
+    percent = dataset["tracked_displacement_percent"].to_numpy()
     temperature = dataset["thermocouple_temperature"].to_numpy()
     reference = dataset.attrs["reference_temperature_degc"]
     course.plot(time, percent, color=COLOURS[0])

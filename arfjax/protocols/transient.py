@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from arfjax.errors import InputError
+from arfjax.instruments.speckle_tracking import SpeckleTracker
 from arfjax.instruments.thermocouple import Thermocouple
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.material.lesion import at_gauss_points
@@ -42,12 +43,14 @@ class TransientProtocol(eqx.Module):
         tolerance: How far any cell's temperature may move before displacement is computed again [K]; doublings of dose
             count as kelvins, as for the field. In between it is linear in time.
         thermocouple: At the geometric focus.
+        tracker: What measures displacement there; a perfect point if not given.
     """
 
     sonication: Sonication
     probe: Probe = SteadyShaking()
     tolerance: float = eqx.field(static=True, default=2.0)
     thermocouple: Thermocouple = Thermocouple()
+    tracker: SpeckleTracker = SpeckleTracker()
 
     def __check_init__(self) -> None:
         """Refuse a tolerance that is none."""
@@ -80,7 +83,9 @@ class TransientResult(eqx.Module):
 
     Attributes:
         time: [s].
-        displacement: At the geometric focus, as the probe measures it at the model's power [m].
+        displacement: At the geometric focus, as the probe makes it at the model's power [m].
+        tracked: The same as the tracker measures it, without its noise [m]. Of steady shaking it averages the peak to
+            peak of every point: as if all moved in phase.
         displacement_map: At the nodes of the probe's mesh [m].
         computed: Where displacement was computed; elsewhere it is interpolated.
         thermocouple_temperature: What the thermocouple shows [degC].
@@ -89,14 +94,15 @@ class TransientResult(eqx.Module):
 
     time: Float[Array, " time"]
     displacement: Float[Array, " time"]
+    tracked: Float[Array, " time"]
     displacement_map: Float[Array, "time r z"]
     computed: Bool[Array, " time"]
     thermocouple_temperature: Float[Array, " time"]
     sonication: SonicationResult
 
     def normalised(self, reference: Scalar) -> Float[Array, " time"]:
-        """Displacement over that when the thermocouple first shows `reference` [degC]; NaN if it never does."""
-        return self.displacement / value_when(self.thermocouple_temperature, self.displacement, reference)
+        """Tracked displacement over that when the thermocouple first shows `reference` [degC]; NaN if it never does."""
+        return self.tracked / value_when(self.thermocouple_temperature, self.tracked, reference)
 
 
 def run_transient(
@@ -128,9 +134,11 @@ def run_transient(
     heated = sonicate(model, sonication, settings, steps=steps)
     maps, computed = _probed(model, protocol, sonication, settings, tissue_states(heated), heated.time)
     capacity = settings.thermal_field(model, sonication.start_temperature).heat_capacity
+    mesh = protocol.probe.mesh(settings)
     return TransientResult(
         time=heated.time,
-        displacement=on_axis_at(maps, protocol.probe.mesh(settings), settings.focus),
+        displacement=on_axis_at(maps, mesh, settings.focus),
+        tracked=protocol.tracker(maps, mesh.node_r, mesh.node_z, z=settings.focus),
         displacement_map=maps,
         computed=computed,
         thermocouple_temperature=protocol.thermocouple(

@@ -48,6 +48,7 @@ def monitor_command(
                 probe,
                 monitoring.tolerance_k,
                 described.sonication.thermocouple.instrument(),
+                monitoring.tracking.tracker(settings.focus),
             )
             steps = AdaptiveSteps() if described.sonication.steps == "adaptive" else FixedSteps()
             result = eqx.filter_jit(lambda model: run_transient(model, protocol, settings, steps=steps))(model)
@@ -100,13 +101,13 @@ def _reference(described: Experiment, shown: np.ndarray) -> float:
 
 
 def _telling(data: xr.Dataset) -> dict[str, float]:
-    percent = data["probed_displacement_percent"].to_numpy()
+    percent = data["tracked_displacement_percent"].to_numpy()
     time, temperature = (data[name].to_numpy() for name in ("heating_time", "thermocouple_temperature"))
     size = data["lesion_length"].to_numpy()
     highest = int(np.argmax(percent))
     lethal = np.flatnonzero(size > 0.0)
     return {
-        "first": 1e6 * float(data["probed_displacement"][0]),
+        "first": 1e6 * float(data["tracked_displacement"][0]),
         "last": float(percent[-1]),
         "highest": float(percent[highest]),
         "at": float(temperature[highest]),
@@ -123,7 +124,7 @@ def _rows(data: xr.Dataset) -> list[tuple[str, str]]:
     reference = data.attrs["reference_temperature_degc"]
     length, diameter = (1e3 * float(last[name]) for name in ("lesion_length", "lesion_diameter"))
     return [
-        ("displacement at the start", f"{telling['first']:.3f} um"),
+        ("displacement at the start, tracked", f"{telling['first']:.3f} um"),
         (f"highest displacement, of that at {reference:g} degC", f"{telling['highest']:.1f} %"),
         ("the thermocouple shows then", f"{telling['at']:.1f} degC"),
         ("displacement at the end", f"{telling['last']:.1f} %"),

@@ -46,7 +46,7 @@ BY_DOSE = dataclasses.replace(MODEL, lesion=dataclasses.replace(MODEL.lesion, ed
 STEPWISE = DESCRIBED.stepwise()
 SETTINGS = discretise(MODEL, refinement=0.4)
 COARSE = VibrationSettings(element=0.8e-3, coarsest=4e-3)
-HOT = 0.22  # of the file's power
+HOT = 0.235  # of the file's power
 SHAKING = SteadyShaking(50.0, SineIntensity(), COARSE)
 
 
