@@ -106,11 +106,19 @@ def layered_field(
 def simulate_heating(model: Model, protocol: StepwiseProtocol, settings: Discretisation) -> Heating:
     """The sonication from the start to the final temperature, with the field of the start temperature."""
     grid = settings.heat_grid
+    field = layered_field(model, protocol.start_temperature, protocol, settings, r=grid.r, z=grid.z)
+    return heating_by(model, heat_deposition(field), protocol, settings)
+
+
+def heating_by(
+    model: Model, heat: Float[Array, "r z"], protocol: StepwiseProtocol, settings: Discretisation
+) -> Heating:
+    """The sonication by a given heat deposition [W/m^3] of the model's power, scaled to reach the final temperature."""
+    grid = settings.heat_grid
     start = protocol.start_temperature
-    field = layered_field(model, start, protocol, settings, r=grid.r, z=grid.z)
     history = solve_bioheat(
         settings.thermal_field(model, start),
-        heat_deposition(field),
+        heat,
         grid,
         initial_temperature=start,
         arterial_temperature=start,
@@ -192,13 +200,16 @@ def push(
     settings: Discretisation,
 ) -> PushResult:
     """One push of liver at `temperature` [degC], of which a share is lesion, by a force density [N/m^3] on the axis."""
-    mesh = settings.mesh
     material = push_material(model, temperature, share)
+    return solve_push(settings.mesh, material, force, settings=push_steps(protocol, settings))
+
+
+def push_steps(protocol: StepwiseProtocol, settings: Discretisation) -> PushSettings:
+    """Time steps of the protocol's push; one longer than 0.5 ms takes more of the same length."""
     n_steps = settings.n_push_steps * max(round(protocol.push_duration / 0.5e-3), 1)
-    steps = PushSettings(
+    return PushSettings(
         time_step=protocol.push_duration / n_steps, n_steps=n_steps, push_duration=protocol.push_duration
     )
-    return solve_push(mesh, material, force, settings=steps)
 
 
 def heated_solid(model: Model, temperature: Scalar, share: Float[Array, "rq zq"]) -> Solid:
