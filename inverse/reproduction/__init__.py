@@ -32,6 +32,7 @@ from inverse.reproduction.layer_table import temperature_of_water as temperature
 from inverse.reproduction.layer_table import water_sound_speed as water_sound_speed
 from inverse.reproduction.lesion import lesion_size_rows as lesion_size_rows
 from inverse.reproduction.lesion import sizes_by_dose as sizes_by_dose
+from inverse.reproduction.moduli import TABLES as TABLES
 from inverse.reproduction.moduli import loss_tangent as loss_tangent
 from inverse.reproduction.moduli import modulus_from_rounding as modulus_from_rounding
 from inverse.reproduction.moduli import modulus_magnitude as modulus_magnitude
@@ -47,9 +48,12 @@ from inverse.reproduction.readings import find as find
 from inverse.reproduction.readings import reading as reading
 from inverse.reproduction.row import Row as Row
 from inverse.reproduction.second_study import SecondStudy as SecondStudy
+from inverse.reproduction.second_study import insensitivity as insensitivity
 from inverse.reproduction.second_study import insensitivity_rows as insensitivity_rows
 from inverse.reproduction.second_study import run_second_study as run_second_study
 from inverse.reproduction.second_study import second_study_rows as second_study_rows
+from inverse.reproduction.sound import Overview as Overview
+from inverse.reproduction.sound import overview as overview
 from inverse.reproduction.variations import Variation as Variation
 from inverse.reproduction.variations import largest as largest
 from inverse.reproduction.variations import lesion_variations as lesion_variations

@@ -66,8 +66,8 @@ def beam_rows(sizes: dict[str, BeamSize]) -> list[Row]:
         ):
             share = lesion / (1e3 * beam)
             why = (
-                "'approximately the size of the ARF field' at 60 degC: tolerance a quarter; with the table's numbers as "
-                f"semi-axes {2.0 * share:.2f}"
+                "'approximately the size of the ARF field' at 60 degC: tolerance a quarter; with the table's numbers "
+                f"as semi-axes {2.0 * share:.2f}"
                 if temperature == 60.0
                 else f"'larger than the ARF field' at 65 degC: 1 or more; as semi-axes {2.0 * share:.2f}"
             )

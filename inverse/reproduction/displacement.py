@@ -28,7 +28,7 @@ def displacement_rows(result: StepwiseResult, lesion: str) -> list[Row]:
         why = (
             "attenuation alone"
             if temperature < 60.0
-            else "true field of the bowl, linear; moduli as Young's; linear edge; layers ours: readings.csv has the others"
+            else "linear field of the bowl, Young's moduli, linear edge, layers ours: readings.csv has others"
         )
         quantity = f"displacement at {temperature:g} degC, lesion by {lesion}"
         rows.append(Row(SECTION, quantity, stated, percent[temperature], "percent of 35 degC", 1.0, why))

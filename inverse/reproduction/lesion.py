@@ -28,8 +28,8 @@ def lesion_size_rows(sizes: Mapping[float, LesionSize], sizes_nonlinear: Mapping
         for name, printed in (("length", column.length_mm), ("diameter", column.diameter_mm)):
             here, with_harmonics = (1e3 * float(getattr(each[temperature], name)) for each in (sizes, sizes_nonlinear))
             why = (
-                f"240 min contour, linear sound ({with_harmonics:.2f} mm with harmonics), {here / printed:.1f} times as "
-                "large; the paper states neither power nor course of the heating"
+                f"240 min contour, linear sound ({with_harmonics:.2f} mm with harmonics), {here / printed:.1f} times "
+                "as large; the paper states neither power nor course of the heating"
             )
             rows.append(Row(SECTION, f"lesion {name} at {temperature:g} degC", printed, here, "mm", 0.05, why))
     return rows

@@ -85,8 +85,8 @@ def measured_rows(measured: HmiData, pushed: StepwiseResult, vibrated: dict[floa
                 percent = 100.0 * float(np.interp(temperature, at, here) / np.interp(REFERENCE, at, here))
                 quantity = f"sonication {label} at {temperature:g} degC, simulated {name}"
                 why = (
-                    f"lesion by dose, another transducer and animal; at {highest:g} degC sonications differ by {spread:g} "
-                    "points among themselves"
+                    f"lesion by dose, another transducer and animal; at {highest:g} degC sonications differ by "
+                    f"{spread:g} points among themselves"
                 )
                 rows.append(Row(SECTION, quantity, value, percent, "percent of 37 degC", 0.5, why))
     return rows

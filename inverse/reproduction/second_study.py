@@ -1,7 +1,7 @@
 """The second study: displacement of whole liver over stiffness and attenuation, and what its two averages imply.
 
-The paper gives neither the power nor the average values of the literature, only the displacements there: 9 and 6 um. What
-can be said without them are ratios, and the power that would give 9 um at assumed averages.
+The paper gives neither the power nor the average values of the literature, only the displacements there: 9 and 6 um.
+What can be said without them are ratios, and the power that would give 9 um at assumed averages.
 """
 
 import dataclasses
@@ -9,6 +9,7 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
+import xarray as xr
 from jaxtyping import Float
 
 from arfjax import Model, StepwiseProtocol, displacement_map, suomi2016
@@ -41,6 +42,35 @@ class SecondStudy:
     modulus_kpa: Float[np.ndarray, " modulus"]
     attenuation_db_per_cm: Float[np.ndarray, " attenuation"]
     displacement_per_watt: Float[np.ndarray, "modulus attenuation"]
+
+    def dataset(self) -> xr.Dataset:
+        """The map with units."""
+        dataset = xr.Dataset(
+            {
+                "displacement_per_watt": (
+                    ("branch_modulus", "attenuation"),
+                    self.displacement_per_watt,
+                    {"units": "m W-1", "long_name": "focal displacement at the end of a push per acoustic power"},
+                )
+            },
+            coords={
+                "branch_modulus": (
+                    "branch_modulus",
+                    1e3 * self.modulus_kpa,
+                    {"units": "Pa", "long_name": "M_inf - M_0 of liver"},
+                ),
+                "attenuation": (
+                    "attenuation",
+                    from_db_per_cm(1.0) * self.attenuation_db_per_cm,
+                    {"units": "m-1", "long_name": "attenuation of liver at 1 MHz [Np/m]"},
+                ),
+            },
+        )
+        dataset.attrs |= {
+            "relaxed_modulus_pa": suomi2016.SECOND_STUDY_RELAXED_MODULUS_PA,
+            "relaxation_time_s": suomi2016.SECOND_STUDY_RELAXATION_TIME,
+        }
+        return dataset
 
     def at(self, modulus_kpa: float, attenuation_db_per_cm: float) -> float:
         """Displacement [m/W] between the points: bilinear in the logarithms of displacement and modulus."""
@@ -104,7 +134,8 @@ def second_study_rows(study: SecondStudy) -> list[Row]:
     stated, rows = after / before, []
     # 9 and 6 um are rounded to a micrometre.
     tolerance = max((after + 0.5) / (before - 0.5) - stated, stated - (after - 0.5) / (before + 0.5))
-    change = f"attenuation {TABLE_ATTENUATION:g} to {suomi2016.TEXT_ABLATION_ATTENUATION_RATIO * TABLE_ATTENUATION:.3g} dB/cm"
+    ablated = suomi2016.TEXT_ABLATION_ATTENUATION_RATIO * TABLE_ATTENUATION
+    change = f"attenuation {TABLE_ATTENUATION:g} to {ablated:.3g} dB/cm"
     for modulus in ASSUMED_MODULI_KPA:
         for factor in suomi2016.TEXT_ABLATION_MODULUS_RATIO:
             quantity = f"displacement after over before ablation, modulus {modulus:g} to {factor * modulus:g} kPa"

@@ -97,3 +97,29 @@ def varied_force(
         return radiation_force_density(field)
 
     return lambda temperature, *changes: force(jnp.asarray(temperature, dtype=float), *map(jnp.asarray, changes))
+
+
+class Overview(NamedTuple):
+    """The field from the bowl's rim to the end of the liver.
+
+    Attributes:
+        r: Radii [m].
+        z: Axial positions [m].
+        intensity: Linear sound at 35 degC [W/m^2].
+        interfaces: Axial positions [m] of the interfaces between layers.
+    """
+
+    r: Float[np.ndarray, " r"]
+    z: Float[np.ndarray, " z"]
+    intensity: Float[np.ndarray, "r z"]
+    interfaces: tuple[float, ...]
+
+
+def overview(model: Model, protocol: StepwiseProtocol, settings: Discretisation) -> Overview:
+    """Linear field of the model's power through all layers, at the protocol's start temperature."""
+    start = protocol.start_temperature
+    interfaces = tuple(np.cumsum([layer.thickness for layer in model.layers]).tolist())
+    r = np.linspace(0.0, settings.march.sponge_start * settings.march.domain_radius, 140)
+    z = np.linspace(settings.march.start_plane, interfaces[-1], 240)
+    field = jax.jit(lambda: intensity(settings.sound_field(model, layers_at(model, start, start), r=r, z=z)))()
+    return Overview(r, z, np.asarray(jnp.sum(field, axis=0)), interfaces[:-1])

@@ -1,8 +1,11 @@
-"""Constants of the lesion changed as in the paper: attenuation, modulus and exponent by a quarter, sound speed by 0.5 %.
+"""Constants of the lesion changed as in the paper: attenuation, modulus, exponent by a quarter, sound speed by 0.5 %.
 
-Attenuation and sound speed change inside the lesion only. The sound field is that through the changed lesion (the beam is
-attenuated and refracted by it), and the force has the local constants. What is reported is the change of the displacement
-in points of that at 35 degC, where there is no lesion. The exponent acts by 1.1^(n - 1) at 1.1 MHz.
+Attenuation and sound speed change inside the lesion only. The sound field is that through the changed lesion (the beam
+is attenuated and refracted by it), and the force has the local constants. What is reported is the change of the
+displacement in points of that at 35 degC, where there is no lesion. The exponent n acts by 1.1^n at 1.1 MHz.
+
+Accuracy: against twice the radial terms and half the step of the sound field, attenuation and exponent within 0.02
+points, sound speed within 0.2.
 """
 
 import dataclasses

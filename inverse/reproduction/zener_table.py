@@ -7,13 +7,11 @@ to 0.014 of it (sum of squares of relative errors).
 import math
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from scipy.optimize import least_squares
 
-from arfjax import FractionalZener, complex_modulus, suomi2016
+from arfjax import suomi2016
 from inverse.reproduction.moduli import modulus_magnitude
 from inverse.reproduction.row import Row
 
@@ -86,21 +84,18 @@ def relaxed_modulus_uncertainty(row: suomi2016.ZenerRow, *, noise: float = NOISE
 
     It is the bound for unbiased estimates and small errors: far above 1 it says "not determined", and no more.
     """
-    omega = jnp.asarray(2.0 * math.pi * fitted_frequencies(row))
-    constants = [row.relaxed_modulus_pa, 1e3 * row.unrelaxed_modulus_kpa, row.relaxation_time, row.fractional_order]
-    fractional = row.fractional_order != 1.0
-
-    def measured(moved: Float[Array, " n"]) -> Float[Array, " m"]:
-        values = jnp.exp(moved[:3])
-        order = moved[3] if fractional else 1.0
-        modulus = complex_modulus(FractionalZener(*values, order), omega)
-        magnitude = jnp.log(jnp.abs(modulus))
-        return jnp.concatenate([magnitude, jnp.angle(modulus)]) if phase else magnitude
-
-    at = jnp.asarray([*np.log(constants[:3]), *([constants[3]] if fractional else [])])
-    slopes = np.asarray(jax.jacfwd(measured)(at)) / noise
+    relaxed, unrelaxed = row.relaxed_modulus_pa, 1e3 * row.unrelaxed_modulus_kpa
+    base = 2j * math.pi * fitted_frequencies(row) * row.relaxation_time
+    z = base**row.fractional_order
+    modulus = (relaxed + unrelaxed * z) / (1.0 + z)
+    of_power = (unrelaxed - relaxed) * z / (1.0 + z) ** 2
+    # Derivatives of M to ln M_inf, ln tau, the order if it is fitted, and ln M_0.
+    of_constants = [unrelaxed * z / (1.0 + z), row.fractional_order * of_power]
+    of_constants += [of_power * np.log(base)] if row.fractional_order != 1.0 else []
+    relative = np.stack([*of_constants, relaxed / (1.0 + z)], axis=1) / modulus[:, None] / noise
+    slopes = np.concatenate([relative.real, relative.imag]) if phase else relative.real
     # A QR factor keeps what a squared condition number would lose.
-    triangle = np.linalg.qr(slopes[:, [*range(1, slopes.shape[1]), 0]], mode="r")
+    triangle = np.linalg.qr(slopes, mode="r")
     return float(1.0 / abs(triangle[-1, -1]))
 
 
