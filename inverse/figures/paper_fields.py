@@ -2,7 +2,6 @@
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse, Rectangle
@@ -20,10 +19,10 @@ _SHOWN_MODULUS_KPA = 10.0
 def draw_geometry(bench: Bench) -> Figure:
     """Layers in grey with the intensity down to -30 dB, as in the paper; thicknesses are the experiment's."""
     seen = overview(bench.model, bench.protocol, bench.settings)
-    figure = new_figure(7.6, 4.6)
+    figure = new_figure(6.8, 4.6)
     axes = figure.subplots()
     edges = 1e3 * np.asarray([0.0, *seen.interfaces, float(seen.z[-1])])
-    shown = 35.0
+    shown = 38.0
     for left, right, grey, name in zip(edges, edges[1:], _GREYS, _LAYERS, strict=False):
         axes.add_patch(Rectangle((left, -shown), right - left, 2.0 * shown, color=grey, linewidth=0))
         axes.text(0.5 * (left + right), shown - 1.5, name, ha="center", va="top", fontsize="small", color=_ink(grey))
@@ -39,7 +38,7 @@ def draw_geometry(bench: Bench) -> Figure:
     axes.set_xlim(-2.0, edges[-1])
     axes.set_ylim(-shown, shown)
     axes.set_aspect("equal")
-    tidy(axes, x="axial distance z [mm]", y="r [mm]", title="layers and linear field at 35 °C, above -30 dB")
+    tidy(axes, x="axial distance z [mm]", y="r [mm]", title="layers and linear field at 35 °C, above −30 dB")
     return figure
 
 
@@ -59,7 +58,7 @@ def _draw_bowl(axes: Axes, model: Model) -> None:
 def draw_lesions_on_force(bench: Bench) -> Figure:
     """Force field with lesions of the table and of the dose at 55, 60 and 65 degC."""
     temperatures = (55.0, 60.0, 65.0)
-    figure = new_figure(9.8, 3.6)
+    figure = new_figure(7.0, 4.6)
     panels = figure.subplots(1, 3, sharey=True)
     mesh, focus = bench.settings.mesh, 1e3 * bench.settings.focus
     r, z = 1e3 * mesh.gauss_r, 1e3 * mesh.gauss_z - focus
@@ -78,19 +77,19 @@ def draw_lesions_on_force(bench: Bench) -> Figure:
             axes.contour(both, z, outline, [0.5], colors=COLOURS[0], linewidths=1.5)
         _draw_table_lesion(axes, temperature)
         axes.set_xlim(-2.5, 2.5)
-        axes.set_ylim(-8.0, 8.0)
+        axes.set_ylim(-9.5, 6.5)
         axes.set_aspect("equal")
-        tidy(axes, x="r [mm]", y="", title=f"{temperature:g} °C, peak {100.0 * force.max():.0f} % of 35 °C")
+        tidy(axes, x="r [mm]", y="", title=f"{temperature:g} °C")
     panels[0].set_ylabel("z from the focus [mm]")
     assert image is not None
     figure.colorbar(image, ax=panels, label="force density over its peak at 35 °C", shrink=0.9)
     handles = [
-        Line2D([], [], color="black", linestyle="--", linewidth=0.9, label="force at -6 dB"),
+        Line2D([], [], color="black", linestyle="--", linewidth=0.9, label="force at −6 dB"),
         Line2D([], [], color=COLOURS[1], label="lesion of table 3"),
         Line2D([], [], color=COLOURS[1], linestyle=":", label="its numbers as semi-axes"),
         Line2D([], [], color=COLOURS[0], label="lesion by dose, 240 min"),
     ]
-    figure.legend(handles=handles, frameon=False, fontsize="small", loc="outside lower center", ncols=4)
+    figure.legend(handles=handles, frameon=False, fontsize="small", loc="outside lower center", ncols=2)
     return figure
 
 
@@ -111,11 +110,17 @@ def draw_second_study(study: SecondStudy) -> Figure:
     power = study.power_for(1e-6 * suomi2016.SECOND_STUDY_UNABLATED_UM, _SHOWN_MODULUS_KPA)
     micrometres = 1e6 * power * study.displacement_per_watt
     levels = np.arange(5.0, 5.0 * np.ceil(micrometres.max() / 5.0) + 1.0, 5.0)
-    filled = ListedColormap([f"{grey:.2f}" for grey in np.linspace(0.99, 0.75, len(levels) + 1)])
+    greys = [f"{grey:.2f}" for grey in np.linspace(1.0, 0.7, len(levels) + 1)]
     x, y = study.attenuation_db_per_cm, study.modulus_kpa
-    axes.contourf(x, y, micrometres, [0.0, *levels, 1e3], cmap=filled)
+    axes.contourf(x, y, micrometres, [0.0, *levels, 1e3], colors=greys)
     lines = axes.contour(x, y, micrometres, levels, colors="0.2", linewidths=0.9)
-    axes.clabel(lines, fmt="%g µm", fontsize="small")
+    column = int(np.argmin(np.abs(x - 1.15)))
+    crossings = [
+        (float(x[column]), float(np.interp(-level, -micrometres[:, column], y)))
+        for level in levels
+        if level < micrometres[0, column]
+    ]
+    axes.clabel(lines, fmt="%g µm", fontsize="small", manual=crossings)
     axes.plot(attenuation, _SHOWN_MODULUS_KPA, "x", color=COLOURS[0], markersize=9, markeredgewidth=2, label=_before())
     ablated = suomi2016.TEXT_ABLATION_ATTENUATION_RATIO * attenuation
     low, high = (_SHOWN_MODULUS_KPA * factor for factor in suomi2016.TEXT_ABLATION_MODULUS_RATIO)

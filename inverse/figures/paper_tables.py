@@ -14,6 +14,7 @@ _PANELS = ((21.0, 35.0), (50.0,), (65.0, 80.0))
 """Temperatures [degC] that share a panel in the paper."""
 
 _STYLES = {"zener": ((0, (4, 2)), "conventional Zener"), "fractional-zener": ("-", "fractional Zener")}
+_MARKERS = {"zener": "s", "fractional-zener": "o"}
 _TEMPERATURES = tuple(temperature for panel in _PANELS for temperature in panel)
 _FREQUENCY = np.geomspace(0.1, 200.0, 160)
 
@@ -39,15 +40,16 @@ def draw_paper_moduli() -> Figure:
     figure = new_figure(9.6, 3.5)
     for axes, temperatures in zip(figure.subplots(1, 3), _PANELS, strict=True):
         _curves(axes, temperatures, magnitude=True)
-        for (_, temperature, frequency), stated in suomi2016.TEXT_MODULUS_KPA.items():
+        for (model, temperature, frequency), stated in suomi2016.TEXT_MODULUS_KPA.items():
             if temperature in temperatures:
-                axes.plot(frequency, stated, "o", markerfacecolor="white", color=_colour(temperature), zorder=4)
-        axes.set_yscale("log")
-        for axis in (axes.yaxis,):
-            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-            axis.set_minor_formatter(FuncFormatter(_one_two_five))
-    stated = Line2D([], [], linestyle="", marker="o", markerfacecolor="white", color="0.3", label="stated in the text")
-    _legend(figure, [stated])
+                marker = _MARKERS[model]
+                axes.plot(frequency, stated, marker, markerfacecolor="white", color=_colour(temperature), zorder=4)
+        axes.set_ylim(bottom=0.0)
+    stated = [
+        Line2D([], [], linestyle="", marker=marker, markerfacecolor="white", color="0.3", label=f"{name}, by the text")
+        for name, marker in zip(("conventional", "fractional"), _MARKERS.values(), strict=True)
+    ]
+    _legend(figure, stated)
     figure.axes[0].set_ylabel("|M| [kPa]")
     return figure
 
@@ -91,8 +93,3 @@ def _legend(figure: Figure, more: list[Line2D]) -> None:
 
 def _colour(temperature: float) -> str:
     return COLOURS[_TEMPERATURES.index(temperature)]
-
-
-def _one_two_five(value: float, _: int) -> str:
-    leading = f"{value:e}"[0]
-    return f"{value:g}" if leading in "25" else ""

@@ -138,6 +138,8 @@ def second_study_rows(study: SecondStudy) -> list[Row]:
     change = f"attenuation {TABLE_ATTENUATION:g} to {ablated:.3g} dB/cm"
     for modulus in ASSUMED_MODULI_KPA:
         for factor in suomi2016.TEXT_ABLATION_MODULUS_RATIO:
+            if factor * modulus > study.modulus_kpa[-1]:
+                continue  # beyond the paper's range
             quantity = f"displacement after over before ablation, modulus {modulus:g} to {factor * modulus:g} kPa"
             why = f"{change}; 'E four-fold to eight-fold' and '+110 percent' by the text, {modulus:g} kPa assumed"
             rows.append(Row(SECTION, quantity, stated, study.ratio(modulus, factor), "1", tolerance, why))
