@@ -24,8 +24,6 @@ from arfjax.protocols.stepwise import StepwiseProtocol, force_at
 RELAXED_MODULUS = 8.0  # Pa; Suomi et al. 2016, text of the second study
 RELAXATION_TIME = 0.5  # s; the same
 
-Values = Float[Array, " n"] | Float[np.ndarray, " n"]
-
 
 def homogeneous_material(
     model: Model,
@@ -66,8 +64,8 @@ def force_of_attenuation(
 
 def displacement_map(
     model: Model,
-    branch_modulus: Values,
-    attenuation: Values,
+    branch_modulus: Float[Array, " modulus"] | Float[np.ndarray, " modulus"],
+    attenuation: Float[Array, " attenuation"] | Float[np.ndarray, " attenuation"],
     protocol: StepwiseProtocol,
     settings: Discretisation,
     *,

@@ -97,7 +97,6 @@ def reproduce(
 
 def _compute(described: Experiment, step: Callable[[str], None]) -> _Outcome:
     measured, bench = read_hmi(shipped("suomi2016_hmi")), Bench.of(described)
-    coarse = described.discretised(bench.model)
     step("tables and text")
     rows = [*reproduction.attenuation_rows(), *reproduction.modulus_rows(), *reproduction.zener_rows()]
     rows += [*reproduction.lesion_constant_rows(), *reproduction.dose_rows(), *reproduction.layer_rows()]
@@ -122,16 +121,16 @@ def _compute(described: Experiment, step: Callable[[str], None]) -> _Outcome:
         rows += reproduction.variation_rows(varied)
         variations += varied
     step("second study")
-    study = reproduction.run_second_study(bench.model, bench.protocol, coarse)
+    study = reproduction.run_second_study(bench.model, bench.protocol, bench.coarse)
     rows += [*reproduction.second_study_rows(study), *reproduction.insensitivity_rows(bench)]
     step("motion at 50 Hz")
-    vibrated = reproduction.vibration_percent(bench.model, bench.protocol, coarse, bench.heating, TEMPERATURES)
+    vibrated = reproduction.vibration_percent(bench.model, bench.protocol, bench.coarse, bench.heating, TEMPERATURES)
     rows += reproduction.measured_rows(measured, runs["dose"], vibrated)
     figures = {
         "attenuation": paper.draw_attenuation(),
         "moduli": paper.draw_paper_moduli(),
         "loss_tangent": paper.draw_loss_tangents(),
-        "geometry": paper.draw_geometry(bench),
+        "geometry": paper.draw_geometry(bench, [layer.tissue for layer in described.layers]),
         "displacement": paper.draw_displacements(runs, readings, variations, measured, vibrated),
         "readings": paper.draw_readings(readings),
         "lesion_on_force": paper.draw_lesions_on_force(bench),

@@ -1,5 +1,7 @@
 """Figures of fields: the layered geometry with the beam, lesions on the force, and the second study's map."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,19 +13,18 @@ from arfjax.figures import COLOURS, new_figure, tidy
 from inverse.reproduction import Bench, Case, SecondStudy, overview
 
 _FLOOR = -30.0  # dB; the paper's threshold
-_LAYERS = ("water", "skin", "fat", "muscle", "liver")
-_GREYS = ("0.35", "0.5", "0.65", "0.8", "0.93")
 _SHOWN_MODULUS_KPA = 10.0
 
 
-def draw_geometry(bench: Bench) -> Figure:
-    """Layers in grey with the intensity down to -30 dB, as in the paper; thicknesses are the experiment's."""
+def draw_geometry(bench: Bench, names: Sequence[str]) -> Figure:
+    """Layers in grey, with their names, and the intensity down to -30 dB, as in the paper."""
     seen = overview(bench.model, bench.protocol, bench.settings)
     figure = new_figure(6.8, 4.6)
     axes = figure.subplots()
     edges = 1e3 * np.asarray([0.0, *seen.interfaces, float(seen.z[-1])])
     shown = 38.0
-    for left, right, grey, name in zip(edges, edges[1:], _GREYS, _LAYERS, strict=False):
+    greys = [f"{grey:.2f}" for grey in np.linspace(0.35, 0.93, len(names))]
+    for left, right, grey, name in zip(edges[:-1], edges[1:], greys, names, strict=True):
         axes.add_patch(Rectangle((left, -shown), right - left, 2.0 * shown, color=grey, linewidth=0))
         axes.text(0.5 * (left + right), shown - 1.5, name, ha="center", va="top", fontsize="small", color=_ink(grey))
     decibel = 10.0 * np.log10(np.maximum(seen.intensity / seen.intensity.max(), 1e-6))

@@ -31,7 +31,7 @@ from arfjax import (
     suomi2016,
     tabulated_size,
 )
-from arfjax.laws import Constant
+from arfjax.laws import Constant, Scaled
 from arfjax.mechanics.transient.push import solve_push
 from arfjax.protocols.discretisation import LIVER_RADIUS
 from arfjax.protocols.homogeneous import homogeneous_material
@@ -79,17 +79,20 @@ class Bench:
         model: The experiment's, its lesion apart.
         protocol: The experiment's.
         settings: Discretisation with linear sound.
+        coarse: The same with the mesh of `discretise`, for liver without a lesion and for steady motion.
     """
 
     model: Model
     protocol: StepwiseProtocol
     settings: Discretisation
+    coarse: Discretisation
 
     @classmethod
     def of(cls, described: Experiment) -> "Bench":
         """The bench of an experiment file."""
         model = described.model()
         coarse = described.discretised(model)
+        coarse = dataclasses.replace(coarse, march=dataclasses.replace(coarse.march, n_harmonics=1))
         front, back = coarse.liver
         mesh = focused_mesh(
             focus=coarse.focus,
@@ -104,7 +107,7 @@ class Bench:
             walls=model.walls,
         )
         settings = dataclasses.replace(coarse, mesh=mesh, outer_layer=None)
-        return cls(model, described.stepwise(), settings)
+        return cls(model, described.stepwise(), settings, coarse)
 
     def linear(self, temperature: float) -> Maps:
         """Linear field of the model's power, the liver at `temperature` [degC]."""
@@ -185,7 +188,8 @@ class Bench:
         @eqx.filter_jit
         def material(modulus: str, liver: str, temperature: Array, share: Array, stiffness: Array):
             law = self.model.lesion.viscoelasticity
-            stiffer = dataclasses.replace(law.branch_modulus, value=law.branch_modulus.value * stiffness)
+            usual = law.branch_modulus
+            stiffer = Scaled(usual, stiffness, unit=usual.unit, source=usual.source, valid_range=usual.valid_range)
             model = dataclasses.replace(
                 self.model if liver == LIVERS[0] else as_printed(self.model),
                 modulus_reading=MODULI[modulus],

@@ -39,7 +39,7 @@ def modulus_magnitude(row: suomi2016.ZenerRow, frequency_hz: Float[np.ndarray, "
 def loss_tangent(row: suomi2016.ZenerRow, frequency_hz: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Loss over storage modulus [1] of a row of table 2 at frequencies [Hz]."""
     modulus = modulus_of(row, frequency_hz)
-    return modulus.imag / modulus.real
+    return np.imag(modulus) / np.real(modulus)
 
 
 def modulus_from_rounding(row: suomi2016.ZenerRow, frequency_hz: float) -> tuple[float, float]:

@@ -29,6 +29,10 @@ ASSUMED_MODULI_KPA = (5.0, 10.0, 20.0)
 """Fresh liver's modulus [kPa] for which the rows are given; the paper shows its average in a figure only."""
 
 
+_NO_CHANGE = 1.0
+"""What "did not result in changes" is taken to allow [percent]; ours."""
+
+
 @dataclasses.dataclass(frozen=True)
 class SecondStudy:
     """Displacement over both axes.
@@ -189,5 +193,5 @@ def insensitivity_rows(bench: Bench) -> list[Row]:
                 else "8 to 1351 Pa. M_0 adds to the stiffness at 0.5 ms, with M_inf - M_0 held as the axis has it"
             )
             quantity = f"change of the displacement with {name}, M_inf - M_0 = {modulus:g} kPa"
-            rows.append(Row(SECTION, quantity, 0.0, change, "percent", 0.5, why))
+            rows.append(Row(SECTION, quantity, 0.0, change, "percent", _NO_CHANGE, why))
     return rows

@@ -95,7 +95,7 @@ def relaxed_modulus_uncertainty(row: suomi2016.ZenerRow, *, noise: float = NOISE
     relative = np.stack([*of_constants, relaxed / (1.0 + z)], axis=1) / modulus[:, None] / noise
     slopes = np.concatenate([relative.real, relative.imag]) if phase else relative.real
     # A QR factor keeps what a squared condition number would lose.
-    triangle = np.linalg.qr(slopes, mode="r")
+    triangle = np.asarray(np.linalg.qr(slopes, mode="r"))
     return float(1.0 / abs(triangle[-1, -1]))
 
 

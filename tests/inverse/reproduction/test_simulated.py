@@ -169,11 +169,9 @@ def test_run_equals_its_responses(bench, linear):
     np.testing.assert_allclose(100.0 * here, read(bench, linear, Case()).percent, rtol=1e-8)
 
 
-def test_second_study(described, bench):
+def test_second_study(bench):
     """Coarse in both axes; between points it is within 1 percent of a push there."""
-    study = reproduction.run_second_study(
-        bench.model, bench.protocol, described.discretised(bench.model), points=(31, 25)
-    )
+    study = reproduction.run_second_study(bench.model, bench.protocol, bench.coarse, points=(31, 25))
     # The literature's factors, 4 and 8, at 5 kPa; 9 to 6 um lies inside what assumed averages give.
     assert study.ratio(5.0, 4.0) == pytest.approx(1.04, abs=0.02)
     assert study.ratio(5.0, 8.0) == pytest.approx(0.67, abs=0.02)
@@ -189,7 +187,8 @@ def test_relaxed_modulus_matters_in_soft_liver(bench):
     soft, stiff = (reproduction.insensitivity(bench, modulus) for modulus in (5.0, 155.0))
     assert -12.0 < soft["M_0"] < -3.0
     assert abs(stiff["M_0"]) < 1.0
-    assert abs(soft["tau"]) < 0.5 and abs(stiff["tau"]) < 0.5
+    # Of a branch that relaxes in 34.5 ms 1.4 percent are gone after 0.5 ms; that much only where stiffness rules.
+    assert abs(soft["tau"]) < 0.1 and 0.3 < abs(stiff["tau"]) < 0.7
 
 
 def test_measured_values_beside_both_protocols(bench):
