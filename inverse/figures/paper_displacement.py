@@ -90,7 +90,7 @@ def draw_readings(readings: Sequence[Reading]) -> Figure:
             axes.plot(TEMPERATURES, found.percent, linestyle=line, color=colour, label=label)
         axes.plot(list(stated), list(stated.values()), "X", color="black", markersize=7, label="paper's simulation")
         axes.set_xlim(50.0, 71.0)
-        axes.set_ylim(40.0, 115.0)
+        axes.set_ylim(25.0, 115.0)
         tidy(axes, x="temperature [°C]", y="", title=name)
     panels[0].set_ylabel("displacement [% of 35 °C]")
     handles, labels = panels[0].get_legend_handles_labels()

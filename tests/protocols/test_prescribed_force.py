@@ -20,7 +20,7 @@ from arfjax import (
     solve_push,
 )
 from arfjax.protocols.homogeneous import force_of_attenuation, homogeneous_material
-from arfjax.protocols.stepwise import push, push_material, push_steps
+from arfjax.protocols.stepwise import force_at, push, push_material, push_steps
 from arfjax.units import from_db_per_cm
 
 EXPERIMENT = Path(__file__).parents[2] / "examples" / "suomi2016.toml"
@@ -103,6 +103,17 @@ def test_homogeneous_liver_in_closed_form(model, settings, response, reading, na
             continue
         material = homogeneous_material(chosen, float(modulus), settings, temperature=jnp.asarray(35.0))
         assert float(jnp.vdot(response(material), profile)) == pytest.approx(float(expected), rel=5e-3), modulus
+
+
+def test_liver_of_its_own_attenuation_is_liver(model, protocol, settings):
+    own = model.liver.attenuation(35.0)
+    prescribed, usual = jax.jit(
+        lambda alpha: (
+            force_of_attenuation(model, alpha, protocol, settings),
+            force_at(model, 35.0, protocol, settings),
+        )
+    )(own)
+    np.testing.assert_allclose(prescribed, usual, rtol=1e-10, atol=1e-10 * float(jnp.max(usual)))
 
 
 @pytest.mark.slow
