@@ -106,7 +106,7 @@ def _compute(described: Experiment, step: Callable[[str], None]) -> _Outcome:
     step("the protocol")
     runs = {lesion: bench.run(lesion) for lesion in ("dose", "table")}
     for lesion, run in runs.items():
-        rows += reproduction.displacement_rows(run, lesion)
+        rows += reproduction.displacement_rows(run, "table 3" if lesion == "table" else lesion)
     power = float(bench.model.drive.acoustic_power) * _share_of_stated(runs["dose"])
     step("sound with harmonics")
     rows += reproduction.beam_rows(reproduction.beam_sizes(bench, power))
