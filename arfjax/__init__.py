@@ -121,11 +121,14 @@ from arfjax.model import tabulated_size as tabulated_size
 from arfjax.protocols.discretisation import DISPLACEMENT_ACCURACY as DISPLACEMENT_ACCURACY
 from arfjax.protocols.discretisation import Discretisation as Discretisation
 from arfjax.protocols.discretisation import discretise as discretise
+from arfjax.protocols.gaussian_beam import GaussianBeam as GaussianBeam
+from arfjax.protocols.homogeneous import displacement_map as displacement_map
 from arfjax.protocols.ladder import Rung as Rung
 from arfjax.protocols.ladder import protocol_ladder as protocol_ladder
 from arfjax.protocols.probing import Probe as Probe
 from arfjax.protocols.probing import ShortPush as ShortPush
 from arfjax.protocols.probing import SteadyShaking as SteadyShaking
+from arfjax.protocols.response import focal_response as focal_response
 from arfjax.protocols.shear_wave import WatchSettings as WatchSettings
 from arfjax.protocols.shear_wave import watch_push as watch_push
 from arfjax.protocols.sonication import AdaptiveSteps as AdaptiveSteps

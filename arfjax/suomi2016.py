@@ -87,6 +87,9 @@ TABLE_2_FRACTIONAL_ZENER: Final = {
 TABLE_3_LIVER_RELAXED_MODULUS_KPA: Final = 1.1
 """Printed as 1.1 Pa; 1.1 kPa is meant, since with the branch of 0.9 kPa it makes the 2.0 kPa of table 2 at 35 degC."""
 
+TABLE_3_LIVER_RELAXED_MODULUS_AS_PRINTED_PA: Final = 1.1
+"""The same number in the unit that stands there."""
+
 TABLE_3_LIVER_BRANCH_MODULUS_KPA: Final = 0.9
 TABLE_3_LIVER_RELAXATION_TIME: Final = 0.309
 
@@ -110,19 +113,63 @@ TEXT_SIMULATED_DISPLACEMENT_PERCENT: Final = {40.0: 95.0, 45.0: 95.0, 55.0: 105.
 """Simulated displacement normalised to 35 degC, by temperature [degC], as the results' text states it."""
 
 TEXT_MODULUS_KPA: Final = {
+    ("zener", 21.0, 0.1): 1.4,
+    ("zener", 35.0, 0.1): 1.2,
+    ("zener", 21.0, 200.0): 2.0,
+    ("zener", 35.0, 200.0): 2.0,
     ("zener", 50.0, 0.1): 5.0,
     ("zener", 50.0, 200.0): 15.0,
     ("zener", 65.0, 0.1): 40.0,
     ("zener", 65.0, 200.0): 100.0,
     ("zener", 80.0, 0.1): 70.0,
     ("zener", 80.0, 200.0): 140.0,
+    ("fractional-zener", 21.0, 0.1): 1.2,
+    ("fractional-zener", 35.0, 0.1): 1.2,
+    ("fractional-zener", 21.0, 200.0): 2.4,
     ("fractional-zener", 35.0, 200.0): 2.4,
     ("fractional-zener", 50.0, 200.0): 19.0,
     ("fractional-zener", 65.0, 200.0): 140.0,
     ("fractional-zener", 80.0, 200.0): 200.0,
 }
-"""Magnitude of the modulus that the text reads off its curves, by model, temperature [degC] and frequency [Hz]."""
+"""Magnitude of the modulus that the text reads off its curves, by model, temperature [degC] and frequency [Hz].
+
+Where it gives one range for two curves ("1.2-1.4 kPa" at 21 and 35 degC) the ends stand here, the lower for the lower.
+"""
 
 TEXT_MOTION_IMAGING: Final = MotionImagingText(7.5, 16.5, 5.84, 8.66, 90.0, 100.0, 1000.0, 50.0, 25, 37.0)
 """The focal length is that of the bowl around it; whether the imaging transducer is focused, and how long the window of
 its cross-correlation was, the paper does not say."""
+
+TEXT_MEASURED_FALL_PERCENT: Final = (6.0, 42.0)
+"""Range of the decrease of measured displacement (discussion)."""
+
+TEXT_MEASURED_RISE_PERCENT: Final = (3.0, 5.0)
+"""Range of the increase before it (discussion)."""
+
+TEXT_MEASURED_DIP_PERCENT: Final = 1.0
+"""Average decrease before that, "about" (discussion)."""
+
+TEXT_LESION_VARIATION: Final = {"attenuation": 0.25, "modulus": 0.25, "sound speed": 0.005, "exponent": 0.25}
+"""By how much constants of the lesion were changed, as shares of themselves."""
+
+TEXT_ATTENUATION_VARIATION_POINTS: Final = 0.1
+"""Change of the normalised displacement that it stayed below [percent points]."""
+
+TEXT_MODULUS_VARIATION_POINTS: Final = 2.0
+"""Change of the normalised displacement at 70 degC, "approximately" [percent points]."""
+
+SECOND_STUDY_MODULUS_KPA: Final = (5.0, 155.0)
+SECOND_STUDY_ATTENUATION_DB_PER_CM: Final = (0.15, 1.35)
+SECOND_STUDY_RELAXED_MODULUS_PA: Final = 8.0
+SECOND_STUDY_RELAXATION_TIME: Final = 0.5
+SECOND_STUDY_UNABLATED_UM: Final = 9.0
+SECOND_STUDY_ABLATED_UM: Final = 6.0
+SECOND_STUDY_DECREASE_PERCENT: Final = 30.0
+"""Second study: ranges of both axes, constants that it keeps, and displacement for the average values before and after
+ablation, which the text does not state (its figures of the literature do)."""
+
+TEXT_ABLATION_ATTENUATION_RATIO: Final = 2.1
+"""Attenuation of ablated over that of fresh liver, on average ("increases by approximately 110 percent")."""
+
+TEXT_ABLATION_MODULUS_RATIO: Final = (4.0, 8.0)
+"""Young's modulus of ablated over that of fresh liver, by author."""

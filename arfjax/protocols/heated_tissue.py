@@ -81,7 +81,7 @@ def heated_solid(
     return mixed(liver(temperature), model.lesion.viscoelasticity(hot), share)
 
 
-def pushed_material(model: Model, temperature: Temperature, solid: Solid, shape: tuple[int, ...]) -> ViscoelasticField:
+def material_in_time(model: Model, temperature: Temperature, solid: Solid, shape: tuple[int, ...]) -> ViscoelasticField:
     """A solid at Gauss points, as a push moves it; density is that of liver at `temperature` [degC]."""
     return material_of(
         solid,
@@ -92,8 +92,13 @@ def pushed_material(model: Model, temperature: Temperature, solid: Solid, shape:
     )
 
 
-def shaken_material(model: Model, temperature: Temperature, solid: Solid, shape: tuple[int, ...]) -> SolidField:
-    """A solid at Gauss points with its exact modulus at every frequency; density as in `pushed_material`."""
+def push_material(model: Model, temperature: Scalar, share: Float[Array, "rq zq"]) -> ViscoelasticField:
+    """Liver at `temperature` [degC] at Gauss points, of which a share is lesion of that temperature."""
+    return material_in_time(model, temperature, heated_solid(model, temperature, share), share.shape)
+
+
+def material_at_frequencies(model: Model, temperature: Temperature, solid: Solid, shape: tuple[int, ...]) -> SolidField:
+    """A solid at Gauss points with its exact modulus at every frequency; density as in `material_in_time`."""
     return solid_field(
         solid,
         (shape[0], shape[1]),

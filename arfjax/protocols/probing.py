@@ -15,7 +15,7 @@ from arfjax.mechanics.transient.push import solve_push
 from arfjax.media import Scalar, Solid
 from arfjax.model import Model
 from arfjax.protocols.discretisation import Discretisation
-from arfjax.protocols.heated_tissue import pushed_material, shaken_material
+from arfjax.protocols.heated_tissue import material_at_frequencies, material_in_time
 from arfjax.protocols.vibration import VibrationSettings, vibration_mesh
 
 
@@ -81,7 +81,7 @@ class ShortPush(Probe):
         settings: Discretisation,
     ) -> Float[Array, "r z"]:
         """See `Probe`."""
-        material = pushed_material(model, temperature, solid, force.shape)
+        material = material_in_time(model, temperature, solid, force.shape)
         steps = settings.push_steps(self.duration)
         return solve_push(settings.mesh, material, force, settings=steps).displacement[..., 1]
 
@@ -120,7 +120,7 @@ class SteadyShaking(Probe):
         """See `Probe`."""
         return solve_periodic(
             self.mesh(settings),
-            shaken_material(model, temperature, solid, force.shape),
+            material_at_frequencies(model, temperature, solid, force.shape),
             force,
             frequency=self.frequency,
             modulation=self.modulation,

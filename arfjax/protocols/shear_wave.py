@@ -19,7 +19,7 @@ from arfjax.mechanics.transient.shear_waves import arrival_times, of_one_front, 
 from arfjax.media import Scalar
 from arfjax.model import Model
 from arfjax.protocols.discretisation import LIVER_RADIUS, Discretisation
-from arfjax.protocols.heated_tissue import heated_solid, pushed_material
+from arfjax.protocols.heated_tissue import push_material
 from arfjax.protocols.stepwise import Heating, StepwiseProtocol, force_at, lesion_at, lesion_share
 from arfjax.thermal.lesion import LesionSize
 
@@ -148,7 +148,7 @@ def watch_push(
     in_plane = np.stack([r, np.full_like(r, settings.focus)], axis=1)
     result = solve_push(
         mesh,
-        pushed_material(model, temperature, heated_solid(model, temperature, share), share.shape),
+        push_material(model, temperature, share),
         force,
         settings=steps,
         points=np.concatenate([points, in_plane]),

@@ -25,7 +25,7 @@ from arfjax.media import Scalar
 from arfjax.model import Model
 from arfjax.numerics.derivatives import forward_by_reverse
 from arfjax.protocols.discretisation import Discretisation, layers_at
-from arfjax.protocols.heated_tissue import force_on, heated_solid, lesion_of, pushed_material, share_of
+from arfjax.protocols.heated_tissue import force_on, lesion_of, push_material, share_of
 from arfjax.thermal.bioheat import Phase, focal_temperature, solve_bioheat
 from arfjax.thermal.dose import cumulative_equivalent_minutes
 from arfjax.thermal.lesion import LesionSize
@@ -104,11 +104,19 @@ def layered_field(
 def simulate_heating(model: Model, protocol: StepwiseProtocol, settings: Discretisation) -> Heating:
     """The sonication from the start to the final temperature, with the field of the start temperature."""
     grid = settings.heat_grid
+    field = layered_field(model, protocol.start_temperature, protocol, settings, r=grid.r, z=grid.z)
+    return heating_by(model, heat_deposition(field), protocol, settings)
+
+
+def heating_by(
+    model: Model, heat: Float[Array, "r z"], protocol: StepwiseProtocol, settings: Discretisation
+) -> Heating:
+    """The sonication by a given heat deposition [W/m^3] of the model's power, scaled to reach the final temperature."""
+    grid = settings.heat_grid
     start = protocol.start_temperature
-    field = layered_field(model, start, protocol, settings, r=grid.r, z=grid.z)
     history = solve_bioheat(
         settings.thermal_field(model, start),
-        heat_deposition(field),
+        heat,
         grid,
         initial_temperature=start,
         arterial_temperature=start,
@@ -167,7 +175,7 @@ def push(
 ) -> PushResult:
     """One push of liver at `temperature` [degC], of which a share is lesion, by a force density [N/m^3] on the axis."""
     mesh = settings.mesh
-    material = pushed_material(model, temperature, heated_solid(model, temperature, share), share.shape)
+    material = push_material(model, temperature, share)
     return solve_push(mesh, material, force, settings=settings.push_steps(protocol.push_duration))
 
 

@@ -27,7 +27,7 @@ from arfjax.mechanics.material.harmonic import SolidField, shear_wavelength
 from arfjax.media import Scalar
 from arfjax.model import Model
 from arfjax.protocols.discretisation import LIVER_RADIUS, Discretisation
-from arfjax.protocols.heated_tissue import heated_solid, shaken_material
+from arfjax.protocols.heated_tissue import heated_solid, material_at_frequencies
 from arfjax.protocols.stepwise import Heating, StepwiseProtocol, force_at, lesion_at, lesion_share
 from arfjax.thermal.lesion import LesionSize
 
@@ -250,7 +250,7 @@ def _pose(
 ) -> tuple[Mesh, SolidField, Float[Array, "rq zq"], LesionSize]:
     mesh, lesion = vibration_mesh(settings, vibration), lesion_at(model, heating, temperature, settings)
     share = lesion_share(model, heating, temperature, lesion, settings, mesh)
-    solid = shaken_material(model, temperature, heated_solid(model, temperature, share), share.shape)
+    solid = material_at_frequencies(model, temperature, heated_solid(model, temperature, share), share.shape)
     return mesh, solid, force_at(model, temperature, protocol, settings, mesh), lesion
 
 
@@ -260,7 +260,7 @@ def _shortest_wave(model: Model, temperature: float, frequency: float) -> float:
     @jax.jit  # traced, the lesion's laws do not warn where there is no lesion yet
     def lengths(at: Array) -> Array:
         solid = heated_solid(model, at, jnp.asarray([[0.0, 1.0]]))
-        field = shaken_material(model, at, solid, (1, 2)).at_frequency(2.0 * math.pi * frequency)
+        field = material_at_frequencies(model, at, solid, (1, 2)).at_frequency(2.0 * math.pi * frequency)
         return jnp.asarray(shear_wavelength(field, frequency))
 
     return float(jnp.min(lengths(jnp.asarray(temperature))))

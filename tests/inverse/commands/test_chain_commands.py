@@ -1,5 +1,6 @@
 """simulate, calibrate and reproduce from the command line to the files that a script reads."""
 
+import csv
 import json
 
 import numpy as np
@@ -161,8 +162,23 @@ def test_reproduce(tmp_path):
     assert rows["displacement at 55 degC, lesion by dose"]["verdict"] == "agrees"
     assert rows["displacement at 70 degC, lesion by table 3"]["verdict"] == "differs"
     assert rows["lesion length at 70 degC"]["here"] > 6.8
-    for name in ("attenuation", "moduli", "displacement"):
-        assert (tmp_path / f"{name}.png").stat().st_size > 10_000
+    for name in ("attenuation", "moduli", "loss_tangent", "geometry", "displacement", "readings", "lesion_on_force"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000 and (tmp_path / f"{name}.pdf").exists()
+    table = list(csv.DictReader((tmp_path / "reproduction.csv").read_text(encoding="utf-8").splitlines()))
+    assert {row["verdict"] for row in table} == {"agrees", "differs", "not stated"} and all(row["why"] for row in table)
+    assert all((row["paper"] == "") == (row["verdict"] == "not stated") for row in table)
+    readings = list(csv.DictReader((tmp_path / "readings.csv").read_text(encoding="utf-8").splitlines()))
+    assert len(readings) == 1 + 64 and readings[0]["percent_at_70_degc"] == "49"
+    nearest = min(readings[1:], key=lambda row: float(row["rms_difference_from_text"]))
+    assert nearest["lesion"] == "semi-axes" and nearest["beam"].startswith("bowl, harmonics")
+    assert (tmp_path / "variations.csv").read_text(encoding="utf-8").count("\n") > 100
+    with xr.open_dataset(tmp_path / "second_study.nc", engine="h5netcdf") as data:
+        assert data["displacement_per_watt"].shape == (151, 121)
+        assert all(data[name].attrs["units"] for name in (*data.data_vars, *data.coords))
+    with xr.open_dataset(tmp_path / "reproduction_lesion_by_dose.nc", engine="h5netcdf") as data:
+        assert data.attrs["reference_temperature_degc"] == 35.0
+    report = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert "## Second study" in report and "## Readings" in report
 
 
 def test_field(tmp_path, capfd):
