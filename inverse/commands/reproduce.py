@@ -18,7 +18,7 @@ from inverse.commands.reproduction_report import report, write_readings, write_r
 from inverse.datasets.hmi import read_hmi
 from inverse.datasets.shipped import shipped
 from inverse.figures import paper
-from inverse.reproduction import TEMPERATURES, Bench, Reading, Row, SecondStudy, Variation
+from inverse.reproduction import TEMPERATURES, Bench, Comparison, Reading, Row, SecondStudy, Variation
 
 _LESIONS = ("table", "dose", "semi-axes")
 _STEPS = 11
@@ -34,7 +34,7 @@ class _Outcome:
         readings: What every reading of the paper gives.
         variations: Of the lesion's constants, for every lesion.
         study: The second study's map.
-        vibrated: Peak-to-peak displacement at 50 Hz [percent of 35 degC], by temperature [degC].
+        comparison: Of both protocols.
         figures: By name.
     """
 
@@ -43,7 +43,7 @@ class _Outcome:
     readings: list[Reading]
     variations: list[Variation]
     study: SecondStudy
-    vibrated: dict[float, float]
+    comparison: Comparison
     figures: dict[str, Figure]
 
 
@@ -77,6 +77,7 @@ def reproduce(
             dataset = stepwise_dataset(run, described.stepwise(), TEMPERATURES[0])
             write_netcdf(dataset, folder / f"reproduction_lesion_by_{label}.nc")
         write_netcdf(outcome.study.dataset(), folder / "second_study.nc")
+        write_netcdf(outcome.comparison.dataset(), folder / "protocols.nc")
         lengths = np.asarray(outcome.runs["dose"].lesion_length)
         notes = range_notes(described.model(), np.asarray(TEMPERATURES), lengths)
         (folder / "report.md").write_text(report(outcome.rows, outcome.readings, figures, notes), encoding="utf-8")
@@ -123,20 +124,22 @@ def _compute(described: Experiment, step: Callable[[str], None]) -> _Outcome:
     step("second study")
     study = reproduction.run_second_study(bench.model, bench.protocol, bench.coarse)
     rows += [*reproduction.second_study_rows(study), *reproduction.insensitivity_rows(bench)]
-    step("motion at 50 Hz")
-    vibrated = reproduction.vibration_percent(bench.model, bench.protocol, bench.coarse, bench.heating, TEMPERATURES)
-    rows += reproduction.measured_rows(measured, runs["dose"], vibrated)
+    step("both protocols")
+    comparison = reproduction.compare_protocols(bench)
+    rows += reproduction.comparison_rows(comparison)
+    rows += reproduction.measured_rows(measured, runs["dose"], comparison.curve())
     figures = {
         "attenuation": paper.draw_attenuation(),
         "moduli": paper.draw_paper_moduli(),
         "loss_tangent": paper.draw_loss_tangents(),
         "geometry": paper.draw_geometry(bench, [layer.tissue for layer in described.layers]),
-        "displacement": paper.draw_displacements(runs, readings, variations, measured, vibrated),
+        "displacement": paper.draw_displacements(runs, readings, variations, measured, comparison),
+        "protocols": paper.draw_ladder(comparison),
         "readings": paper.draw_readings(readings),
         "lesion_on_force": paper.draw_lesions_on_force(bench),
         "second_study": paper.draw_second_study(study),
     }
-    return _Outcome(rows, runs, readings, variations, study, vibrated, figures)
+    return _Outcome(rows, runs, readings, variations, study, comparison, figures)
 
 
 def _share_of_stated(run: StepwiseResult) -> float:

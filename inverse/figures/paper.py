@@ -1,6 +1,7 @@
 """Figures in the form of the paper's, from its own numbers and from this simulation."""
 
 from inverse.figures.paper_displacement import draw_displacements as draw_displacements
+from inverse.figures.paper_displacement import draw_ladder as draw_ladder
 from inverse.figures.paper_displacement import draw_readings as draw_readings
 from inverse.figures.paper_fields import draw_geometry as draw_geometry
 from inverse.figures.paper_fields import draw_lesions_on_force as draw_lesions_on_force

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -10,8 +11,25 @@ from arfjax import StepwiseResult, suomi2016
 from arfjax.figures import COLOURS, new_figure, tidy
 from inverse.datasets.hmi import HmiData
 from inverse.figures.calibration import draw_measured
-from inverse.reproduction import TEMPERATURES, Case, Reading, Variation, percent_of_first
+from inverse.reproduction import (
+    LADDER_TEMPERATURES,
+    TEMPERATURES,
+    Case,
+    Comparison,
+    Reading,
+    Variation,
+    percent_of_first,
+)
 
+_RUNGS = {
+    "stepwise": "stepwise protocol",
+    "heating": "+ heating with feedback (dose)",
+    "local absorption": "+ absorption by local temperature",
+    "path": "+ heated path",
+    "lesion shape": "+ lesion shaped by dose, local moduli",
+    "shaking": "+ 50 Hz instead of 0.5 ms",
+    "fractional solid": "+ fractional solid",
+}
 _NAMES = {"table": "table 3", "dose": "dose"}
 
 
@@ -20,13 +38,13 @@ def draw_displacements(
     readings: Sequence[Reading],
     variations: Sequence[Variation],
     measured: HmiData,
-    vibrated: Mapping[float, float],
+    comparison: Comparison,
 ) -> Figure:
     """Simulated displacement as in the paper, with both variations, and beside it what was measured."""
     figure = new_figure(9.6, 4.2)
     simulated, beside = figure.subplots(1, 2)
     _draw_simulated(simulated, runs, variations)
-    _draw_measured(beside, runs["dose"], measured, vibrated)
+    _draw_measured(beside, runs["dose"], measured, comparison)
     for axes in (simulated, beside):
         axes.set_ylim(0.0, 140.0)
     return figure
@@ -55,17 +73,38 @@ def _band(percent: dict[float, float], variations: Sequence[Variation]) -> tuple
     return list(low.values()), list(high.values())
 
 
-def _draw_measured(axes: Axes, pushed: StepwiseResult, measured: HmiData, vibrated: Mapping[float, float]) -> None:
+def _draw_measured(axes: Axes, pushed: StepwiseResult, measured: HmiData, comparison: Comparison) -> None:
     assert measured.temperature is not None
     for colour, name, curve in (
-        (COLOURS[0], "push of 0.5 ms", percent_of_first(pushed)),
-        (COLOURS[2], "50 Hz, peak to peak", vibrated),
+        (COLOURS[0], "stepwise, pushes of 0.5 ms", percent_of_first(pushed)),
+        (COLOURS[2], "transient, 50 Hz, peak to peak", comparison.curve()),
     ):
         at, values = np.asarray(list(curve)), np.asarray(list(curve.values()))
-        axes.plot(at, 100.0 * values / np.interp(37.0, at, values), "-", color=colour, label=f"{name}, lesion by dose")
+        axes.plot(at, 100.0 * values / np.interp(37.0, at, values), "-", color=colour, label=name)
     draw_measured(axes, measured, measured.temperature, measured.displacement)
     axes.legend(frameon=False, fontsize="x-small", loc="lower left")
     tidy(axes, x="temperature [°C]", y="displacement [% of 37 °C]", title="measured by HMI, and both protocols here")
+
+
+def draw_ladder(comparison: Comparison) -> Figure:
+    """What each assumption that the transient protocol drops does to the curve: the curves, and the changes alone."""
+    figure = new_figure(10.2, 4.0)
+    curves, changes = figure.subplots(1, 2)
+    shades = colormaps["viridis"](np.linspace(0.0, 0.92, len(comparison.rungs)))
+    percents = [np.asarray(rung.percent()) for rung in comparison.rungs]
+    for rung, percent, shade in zip(comparison.rungs, percents, shades, strict=True):
+        curves.plot(LADDER_TEMPERATURES, percent, "-o", markersize=2.5, color=shade, label=_RUNGS[rung.name])
+    for rung, before, after, shade in zip(comparison.rungs[1:], percents, percents[1:], shades[1:], strict=False):
+        changes.plot(LADDER_TEMPERATURES, after - before, "-o", markersize=2.5, color=shade, label=_RUNGS[rung.name])
+    for axes in (curves, changes):
+        axes.axhline(100.0 if axes is curves else 0.0, color="0.8", linewidth=0.8, zorder=0)
+    tidy(
+        curves, x="temperature of the focus [°C]", y="displacement [% of 35 °C]", title="one assumption after the other"
+    )
+    tidy(changes, x="temperature of the focus [°C]", y="change [percent points]", title="what each of them changes")
+    handles, labels = curves.get_legend_handles_labels()
+    figure.legend(handles, labels, frameon=False, fontsize="small", loc="outside lower center", ncols=3)
+    return figure
 
 
 def draw_readings(readings: Sequence[Reading]) -> Figure:

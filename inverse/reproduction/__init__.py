@@ -38,8 +38,11 @@ from inverse.reproduction.moduli import modulus_from_rounding as modulus_from_ro
 from inverse.reproduction.moduli import modulus_magnitude as modulus_magnitude
 from inverse.reproduction.moduli import modulus_rows as modulus_rows
 from inverse.reproduction.moduli import relaxed_modulus_for as relaxed_modulus_for
-from inverse.reproduction.motion import measured_rows as measured_rows
-from inverse.reproduction.motion import vibration_percent as vibration_percent
+from inverse.reproduction.protocols import LADDER_TEMPERATURES as LADDER_TEMPERATURES
+from inverse.reproduction.protocols import Comparison as Comparison
+from inverse.reproduction.protocols import compare_protocols as compare_protocols
+from inverse.reproduction.protocols import comparison_rows as comparison_rows
+from inverse.reproduction.protocols import measured_rows as measured_rows
 from inverse.reproduction.readings import GAUSSIAN as GAUSSIAN
 from inverse.reproduction.readings import Reading as Reading
 from inverse.reproduction.readings import all_readings as all_readings
