@@ -11,6 +11,7 @@ import scipy.optimize
 import xarray as xr
 
 from arfjax import (
+    DamageEdge,
     DoseSize,
     InputError,
     Model,
@@ -66,7 +67,7 @@ class Comparison:
     Attributes:
         rungs: Displacement at `LADDER_TEMPERATURES`, one cause more on each.
         power: That takes the focus to the paper's last temperature in its 60 s, with feedback [W].
-        watched: A sonication at 50 Hz to the highest measured temperature.
+        watched: A sonication at 50 Hz to the highest measured temperature, its lesion shaped by the dose.
         watched_power: Its mean power [W].
     """
 
@@ -118,7 +119,8 @@ def compare_protocols(bench: Bench) -> Comparison:
             fractional=given,
         )
     )(hot, heat(hot))
-    modulated = at_power(model, powers[1] / float(shaking.mean_force()))
+    shaped = dataclasses.replace(model, lesion=dataclasses.replace(model.lesion, edge=DamageEdge()))
+    modulated = at_power(shaped, powers[1] / float(shaking.mean_force()))
     protocol = TransientProtocol(plan, shaking)
     watched = eqx.filter_jit(lambda model: run_transient(model, protocol, settings))(modulated)
     return Comparison(rungs, powers[0], watched, powers[1])
