@@ -126,6 +126,38 @@ def test_surroundings_and_edges(tmp_path):
     np.testing.assert_allclose([doubled.size.length(65.0), doubled.size.diameter(65.0)], [10e-3, 2.4e-3])
 
 
+def test_the_monitoring_of_the_example_and_its_choices(tmp_path):
+    monitoring = read_experiment(EXAMPLE).monitoring
+    assert (monitoring.mean_force(), monitoring.normalised_at_c) == (0.5, 37.0)
+    assert monitoring.words().startswith("steady shaking at 50 Hz (sine of the intensity, depth 1)")
+    point = monitoring.tracking.tracker(0.09)
+    assert (point.lateral_width, point.window_length) == (0.0, 0.0)
+    text = changed(
+        ('modulation = "intensity"', 'modulation = "square"\nduty_cycle = 0.3'),
+        ("[monitoring]", "[monitoring.tracking]\naperture_diameter_mm = 16.5\nwindow_mm = 1.0\n\n[monitoring]"),
+    )
+    monitoring = read_experiment(write(tmp_path, text)).monitoring
+    assert monitoring.mean_force() == pytest.approx(0.3)
+    tracker = monitoring.tracking.tracker(0.09)
+    # lambda z / (pi D) at the middle of the band, 7.25 MHz.
+    assert float(tracker.lateral_width) == pytest.approx(1540.0 / 7.25e6 * 0.09 / (np.pi * 16.5e-3))
+    assert float(tracker.window_length) == pytest.approx(1e-3)
+    pushed = changed(
+        ('probe = "shaking"', 'probe = "push"'), ("frequency_hz = 50.0\n", ""), ('modulation = "i', '# "i')
+    )
+    monitoring = read_experiment(write(tmp_path, pushed)).monitoring
+    assert monitoring.mean_force() == 1.0 and monitoring.plan(None, None, 70.0).duration == 0.5e-3
+
+
+def test_the_measurement_s_experiment_can_be_read():
+    described = read_experiment(EXAMPLE.with_name("suomi2016_hmi.toml"))
+    model = described.sonicated()
+    assert (model.drive.frequency, model.bowl.focal_length) == pytest.approx((4.755e6, 90e-3))
+    assert model.liver_depth < 90e-3 < model.liver_depth + model.liver_thickness == pytest.approx(105e-3)
+    assert float(model.liver.perfusion_rate(37.0)) == 0.0 and isinstance(model.lesion.edge, DamageEdge)
+    assert described.monitoring.mean_force() == pytest.approx(0.375)
+
+
 def test_the_sonication_of_the_example_and_its_choices(tmp_path):
     described = read_experiment(EXAMPLE)
     plan, model = described.sonication.plan(), described.sonicated()
@@ -411,6 +443,26 @@ WRONG = {
     "nothing heats": (
         ("phases = [{ duration_s = 60.0 }, {", "phases = [{ duration_s = 60.0, relative_power = 0 }, {"),
         "`sonication`: no phase has a relative_power above 0",
+    ),
+    "a depth of a square": (
+        ('modulation = "intensity"', 'modulation = "square"\ndepth = 0.5'),
+        "`monitoring`: depth has no effect with probe = shaking, modulation = square; leave it out",
+    ),
+    "a frequency of a push": (
+        ('probe = "shaking"', 'probe = "push"'),
+        "`monitoring`: frequency_hz, modulation has no effect with probe = push; leave it out",
+    ),
+    "kilohertz for hertz": (("frequency_hz = 50.0", "frequency_hz = 0.05"), "expected 5 to 1000 Hz, got 0.05"),
+    "tracking by nothing": (
+        ("[monitoring]", "[monitoring.tracking]\nwindow_mm = 2.0\n\n[monitoring]"),
+        "`monitoring.tracking`: tracking by a perfect point has no other keys; give aperture_diameter_mm",
+    ),
+    "a band upside down": (
+        (
+            "[monitoring]",
+            "[monitoring.tracking]\naperture_diameter_mm = 16.5\nlowest_frequency_mhz = 9.0\n\n[monitoring]",
+        ),
+        "`monitoring.tracking`: lowest_frequency_mhz 9 must be below highest_frequency_mhz 8.66",
     ),
     "an artefact that cannot last": (
         ("time_constant_s = 0.2", "viscous_fraction = 0.5"),

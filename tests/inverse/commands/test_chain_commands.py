@@ -108,6 +108,39 @@ def test_sonicate(tmp_path, capfd):
     assert "lesion by dose" in capfd.readouterr().out
 
 
+def test_monitor(tmp_path, capfd):
+    """The same heat as `sonicate` has, 26 W at the beam's strongest; displacement falls once the lesion is there."""
+    text = shipped("suomi2016_experiment").read_text().replace("{ duration_s = 60.0 }", "{ duration_s = 30.0 }")
+    (tmp_path / "e.toml").write_text(text.replace(", { duration_s = 60.0, relative_power = 0.0 }", ""))
+    assert run(["monitor", str(tmp_path / "e.toml"), "--out", str(tmp_path / "out")]) == 0
+    results = summary_of(tmp_path / "out")["results"]
+    with xr.open_dataset(tmp_path / "out" / "monitoring.nc", engine="h5netcdf") as data:
+        for name in (*data.data_vars, *data.coords):
+            assert data[name].attrs["units"] == (VARIABLES | COORDINATES)[name][0]
+        assert data.attrs["acoustic_power_w"] == pytest.approx(26.0)
+        assert data.attrs["mean_acoustic_power_w"] == pytest.approx(13.0)
+        percent, shown = data["tracked_displacement_percent"].to_numpy(), data["thermocouple_temperature"].to_numpy()
+        assert percent[0] == pytest.approx(100.0) and shown[0] == pytest.approx(37.0)
+        assert 50.0 < shown.max() < 70.0
+        # The attenuation polynomial has its minimum at 44 degC, 4 percent below that at 37.
+        assert 95.0 < percent.min() < 99.0
+        assert float(data["tracked_displacement"][0]) == pytest.approx(results["start_displacement"]["value"])
+    header = (tmp_path / "out" / "curves.csv").read_text().splitlines()
+    assert header[0].startswith("heating_time,") and len(header) == 62
+    assert (tmp_path / "out" / "monitoring.png").stat().st_size > 10_000
+    assert "displacement computed" in capfd.readouterr().out
+
+
+def test_monitor_refuses_a_reference_that_is_never_shown(tmp_path, capfd):
+    text = shipped("suomi2016_experiment").read_text().replace("{ duration_s = 60.0 }", "{ duration_s = 1.0 }")
+    text = text.replace(", { duration_s = 60.0, relative_power = 0.0 }", "")
+    (tmp_path / "e.toml").write_text(text.replace("normalised_at_c = 37.0", "normalised_at_c = 80.0"))
+    assert run(["monitor", str(tmp_path / "e.toml"), "--out", str(tmp_path / "out")]) == 2
+    message = capfd.readouterr().err
+    assert "`monitoring.normalised_at_c` 80: the thermocouple shows 37.0 to" in message
+    assert not (tmp_path / "out").exists()
+
+
 def test_sonicate_warns_of_boiling(tmp_path, capfd):
     text = shipped("suomi2016_experiment").read_text().replace("acoustic_power_w = 13.0", "acoustic_power_w = 60.0")
     (tmp_path / "hot.toml").write_text(text.replace("{ duration_s = 60.0 }", "{ duration_s = 6.0 }"))
