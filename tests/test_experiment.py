@@ -142,11 +142,10 @@ def test_the_monitoring_of_the_example_and_its_choices(tmp_path):
     # lambda z / (pi D) at the middle of the band, 7.25 MHz.
     assert float(tracker.lateral_width) == pytest.approx(1540.0 / 7.25e6 * 0.09 / (np.pi * 16.5e-3))
     assert float(tracker.window_length) == pytest.approx(1e-3)
-    pushed = changed(
-        ('probe = "shaking"', 'probe = "push"'), ("frequency_hz = 50.0\n", ""), ('modulation = "i', '# "i')
-    )
-    monitoring = read_experiment(write(tmp_path, pushed)).monitoring
-    assert monitoring.mean_force() == 1.0 and monitoring.plan(None, None, 70.0).duration == 0.5e-3
+    text = changed(('probe = "shaking"', 'probe = "push"'), ("frequency_hz = 50.0\n", ""), ('modulation = "i', '# "i'))
+    described = read_experiment(write(tmp_path, text))
+    probe = described.monitoring.plan(described.model(), discretise(described.model(), refinement=0.3), 70.0)
+    assert isinstance(probe, ShortPush) and probe.duration == 0.5e-3 and described.monitoring.mean_force() == 1.0
 
 
 def test_the_measurement_s_experiment_can_be_read():
