@@ -14,6 +14,7 @@ from arfjax import (
     OuterLayer,
     SharpEdge,
     ShearModulus,
+    ShortPush,
     TabulatedSize,
     Wall,
     YoungModulus,
