@@ -95,8 +95,8 @@ def report(data: xr.Dataset, figures: Sequence[str], notes: Sequence[str]) -> st
         f"{data.attrs['reference_temperature_degc']:g} degC; temperature is the {data.attrs['temperature']}.",
         "",
         f"Displacement is highest at {median:.1f} degC ({low:.1f} to {high:.1f} in 90 % of samples; "
-        f"{float(data['highest_at'][0]):.1f} with the model's own constants), on the parabola through the highest value "
-        "and its neighbours in the table of the curve.",
+        f"{float(data['highest_at'][0]):.1f} with the model's own constants), on the parabola through the highest "
+        "value and its neighbours in the table of the curve.",
         "",
         "| " + " | ".join(HEADER) + " |",
         "|" + " ---: |" * 5 + " --- |",
