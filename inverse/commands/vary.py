@@ -191,11 +191,11 @@ def _run(task: Task, factors: np.ndarray, partial: PartialFile) -> dict[str, np.
 def _dataset(task: Task, factors: np.ndarray, outcomes: dict[str, np.ndarray]) -> xr.Dataset:
     """What was found, and what every run gave."""
     displacement, temperatures = outcomes[task.displacement], task.temperatures
-    sound = np.isfinite(displacement).all(axis=1)
+    sound = np.asarray(np.isfinite(displacement).all(axis=1))
     course = outcomes.get("thermocouple_temperature")
     if temperatures is None:
         assert course is not None  # the watched sonication gives it
-        sound &= np.isfinite(course).all(axis=1)
+        sound = sound & np.asarray(np.isfinite(course).all(axis=1))
         temperatures = np.union1d(levels_of(course, task.start), [task.reference])
         curves = curves_by_temperature(course, displacement, temperatures)
     else:

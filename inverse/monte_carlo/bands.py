@@ -153,7 +153,8 @@ def rank_correlations(
             continue
         for constant, drawn in enumerate(factors.T):
             if _varies(drawn[there]):
-                result[constant, place] = scipy.stats.spearmanr(drawn[there], column[there]).statistic
+                ranks = scipy.stats.rankdata([drawn[there], column[there]], axis=1)
+                result[constant, place] = np.corrcoef(ranks)[0, 1]
     return result
 
 
