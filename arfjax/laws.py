@@ -166,6 +166,30 @@ class Scaled(TemperatureLaw):
         return self.factor * self.law.after(temperature, dose)
 
 
+class ScaledRise(TemperatureLaw):
+    """Another law, of which the rise that heat makes is multiplied.
+
+    Above a reference temperature that is the rise above fresh tissue of that temperature; below it, the rise that dose
+    makes. What lies below fresh tissue's value stays as it is, so that the slope jumps where the law crosses it.
+    """
+
+    law: TemperatureLaw
+    factor: Scalar
+    reference_temperature: float = eqx.field(static=True)
+
+    def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """The law with its rise multiplied."""
+        return self._raised(self.law.evaluate(temperature), temperature)
+
+    def after(self, temperature: Temperature, dose: Temperature) -> Scalar | Float[Array, "..."]:
+        """The law after a dose, with its rise multiplied."""
+        return self._raised(self.law.after(temperature, dose), temperature)
+
+    def _raised(self, value: Scalar | Float[Array, "..."], temperature: Temperature) -> Float[Array, "..."]:
+        fresh = self.law.evaluate(jnp.minimum(jnp.asarray(temperature, dtype=float), self.reference_temperature))
+        return value + (self.factor - 1.0) * jnp.maximum(jnp.asarray(value - fresh), 0.0)
+
+
 class Coagulating(TemperatureLaw):
     """One law for fresh tissue, another for coagulated tissue, and between them the share that has coagulated.
 

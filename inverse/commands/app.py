@@ -14,6 +14,7 @@ from inverse.commands.push import push_command
 from inverse.commands.reproduce import reproduce
 from inverse.commands.simulate import simulate
 from inverse.commands.sonicate import sonicate_command
+from inverse.commands.vary import vary_command
 from inverse.commands.vibrate import vibrate_command
 from inverse.datasets.shipped import shipped, shipped_names
 
@@ -30,6 +31,7 @@ app.command("push")(push_command)
 app.command("vibrate")(vibrate_command)
 app.command("sonicate")(sonicate_command)
 app.command("monitor")(monitor_command)
+app.command("vary")(vary_command)
 app.command()(calibrate)
 app.command("fit-dma")(fit_dma)
 app.command("fit-heating")(fit_heating_command)

@@ -25,6 +25,7 @@ def run(arguments: list[str]) -> int:
     jax.config.update("jax_enable_x64", True)
     from arfjax import InputError
     from inverse.commands.app import app
+    from inverse.commands.partial import StoppedEarly
 
     # Found through a class that typer exports, because some of its versions bring their own copy of click.
     usage_error: Any = typer.BadParameter.__mro__[1]
@@ -38,6 +39,9 @@ def run(arguments: list[str]) -> int:
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         return _complain(f"{place}{error.strerror or error}; nothing was written.")
+    except StoppedEarly as stop:
+        sys.stderr.write(f"arfjax: stopped; {stop}\n")
+        return _STOPPED
     except (KeyboardInterrupt, typer.Abort):
         status = _STOPPED
     if status == _STOPPED:

@@ -6,3 +6,5 @@ from inverse.figures.heating import heating_figure as heating_figure
 from inverse.figures.paper import draw_attenuation as draw_attenuation
 from inverse.figures.paper import draw_displacements as draw_displacements
 from inverse.figures.paper import draw_paper_moduli as draw_paper_moduli
+from inverse.figures.variability import draw_bands as draw_bands
+from inverse.figures.variability import draw_sensitivity as draw_sensitivity

@@ -208,6 +208,7 @@ def test_experiments(capfd, tmp_path, content):
         *commands,
         ["sonicate", experiment],
         ["vibrate", experiment],
+        ["vary", experiment],
         ["field", experiment],
         ["reproduce", "--experiment", experiment],
     ):
@@ -311,7 +312,7 @@ def interrupted_output(out):
 
 
 @pytest.mark.parametrize(
-    "command", ["fit_dma", "fit_heating", "simulate", "sonicate", "vibrate", "field", "calibrate", "reproduce"]
+    "command", ["fit_dma", "fit_heating", "simulate", "sonicate", "vibrate", "vary", "field", "calibrate", "reproduce"]
 )
 def test_an_interrupt_leaves_nothing(capfd, tmp_path, monkeypatch, command):
     monkeypatch.setattr(f"inverse.commands.{command}.output_directory", interrupted_output)
@@ -319,7 +320,13 @@ def test_an_interrupt_leaves_nothing(capfd, tmp_path, monkeypatch, command):
     hmi = place(tmp_path / "hmi.csv", HMI)
     heating = place(tmp_path / "heating.csv", HEATING)
     inputs = {"fit_dma": [dma], "simulate": [experiment], "calibrate": [experiment, "--hmi", hmi], "reproduce": []}
-    inputs |= {"fit_heating": [heating], "sonicate": [experiment], "vibrate": [experiment], "field": [experiment]}
+    inputs |= {
+        "vary": [experiment],
+        "fit_heating": [heating],
+        "sonicate": [experiment],
+        "vibrate": [experiment],
+        "field": [experiment],
+    }
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "summary.json").write_text("earlier")
     before = tree(tmp_path)
