@@ -1,6 +1,7 @@
 """Figures of fits; matplotlib is used here and in `arfjax.figures`, and nowhere else."""
 
 from inverse.figures.calibration import draw_calibration as draw_calibration
+from inverse.figures.diagnosis import diagnosis_figure as diagnosis_figure
 from inverse.figures.dma import dma_figure as dma_figure
 from inverse.figures.heating import heating_figure as heating_figure
 from inverse.figures.paper import draw_attenuation as draw_attenuation

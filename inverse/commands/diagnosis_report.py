@@ -1,0 +1,215 @@
+"""A diagnosis in words and as JSON."""
+
+import math
+from typing import Any
+
+from inverse.commands.output import versions
+from inverse.diagnosis import CauseReport, Diagnosis, describe_correction
+
+SCHEMA_VERSION = 1
+"""Of diagnosis.json; keys do not change without a new number."""
+
+_VERDICTS = {
+    "adequate": "Nothing is wrong that these data could show.",
+    "named": "The model lacks one cause.",
+    "confusable": "The model lacks something, and these data cannot tell which of several causes it is.",
+    "unexplained": "The model is wrong, and no named cause explains how.",
+    "noise-model": "The model is adequate, but the noise is not what one would take it for.",
+    "fit-failure": "The fit itself failed; nothing is said about physics.",
+}
+
+
+def as_json(found: Diagnosis) -> dict[str, Any]:
+    """What diagnosis.json holds; numbers that are not finite become null."""
+    omnibus = found.decision.omnibus if found.decision is not None else None
+    content = {
+        "schema_version": SCHEMA_VERSION,
+        "verdict": found.verdict,
+        "level": found.level,
+        "omnibus": {
+            "statistic": omnibus.statistic if omnibus else None,
+            "p_value": omnibus.p_value if omnibus else None,
+        },
+        "causes": [_cause(one) for one in found.causes],
+        "named": list(found.named),
+        "confusable": [list(names) for names in found.confusable],
+        "not_testable": [
+            {"name": one.name, "why": one.why, "what_would_help": one.what_would_help} for one in found.not_testable
+        ],
+        "gain": None if found.gain is None else vars(found.gain),
+        "noise": None if found.noise is None else {**vars(found.noise), "words": found.noise.describe()},
+        "where": [{"words": one.words, "share": one.share, "p_value": one.p_family} for one in found.places[:_PLACES]],
+        "whiteness": [vars(one) for one in found.residuals_whiteness],
+        "unexplained": unexplained(found),
+        "audit": list(found.audit),
+        "notes": list(found.problem.notes),
+        "model": found.problem.model.name,
+        "seed": found.seed,
+        "versions": versions(),
+    }
+    return _finite(content)
+
+
+_PLACES = 5
+
+
+def unexplained(found: Diagnosis) -> str | None:
+    """The free-form correction in words, where structure remains."""
+    if found.verdict != "unexplained" or not found.places:
+        return None
+    return describe_correction(found.problem, found.places[0])
+
+
+def report(found: Diagnosis, name: str, figures: list[str]) -> str:
+    """The report in Markdown."""
+    lines = [f"# Diagnosis of {name}", "", f"**{found.verdict}.** {_VERDICTS[found.verdict]}", ""]
+    if found.decision is not None:
+        lines += [
+            f"That noise alone looks as bad: p = {found.decision.omnibus.p_value:.3g} (level {found.level:g}, "
+            f"calibrated on replicates of these residuals). Null model: {found.problem.model.name} Zener solid at each "
+            f"of {len(found.problem.sweeps)} sweeps, {found.problem.rows} rows.",
+            "",
+        ]
+    lines += [f"- {note}" for note in found.problem.notes]
+    lines += ["", *(f"![{figure}]({figure})" for figure in figures), ""]
+    lines += _named(found) + _table(found) + _where(found) + _noise(found) + _hidden(found)
+    if found.audit:
+        lines += ["## What the fits say about themselves", "", *(f"- {remark}" for remark in found.audit), ""]
+    return "\n".join(lines)
+
+
+def _named(found: Diagnosis) -> list[str]:
+    lines: list[str] = []
+    members = set(found.named) | {name for names in found.confusable for name in names}
+    for one in found.causes:
+        if one.cause.name in members:
+            lines += [f"- **{one.cause.name}** ({one.cause.place}): {one.cause.sentence} {_strength(one)}"]
+            if found.confusable:
+                lines += [f"  To tell it from the others: {one.cause.helps}"]
+    text = unexplained(found)
+    if text:
+        lines += [f"What is left, without a name: {text}."]
+    if found.gain is not None and found.extended is not None:
+        names = " and ".join(extension.cause.name for extension in found.extended.extensions)
+        gain = found.gain
+        lines += [
+            "",
+            f"With {names} in the model, differences from data that were left out ({gain.split}) go "
+            f"from {100.0 * gain.rmse_before:.3g} to {100.0 * gain.rmse_after:.3g} % (root mean square); the log score "
+            f"rises by {gain.log_score_gain:.3g} ± {gain.standard_error:.2g} nat a datum. A gain proves no cause: a wrong "
+            f"one gains, too, in most cases. The name rests on the tests.",
+            f"{gain.unfinished} of the refits did not converge." if gain.unfinished else "",
+            "",
+            *_shift(found),
+        ]
+    return ["## What is wrong", "", *lines, ""] if lines else []
+
+
+def _shift(found: Diagnosis) -> list[str]:
+    """How the constants of the solid move when the extension is in the model."""
+    if found.extended is None:
+        return []
+    lines = ["| sweep | M_0 [Pa] | M_inf [Pa] | tau [s] | alpha |", "| --- | ---: | ---: | ---: | ---: |"]
+    for sweep, before, after in zip(
+        found.problem.sweeps, found.problem.constants, found.extended.constants, strict=True
+    ):
+        cells = [f"{b:.4g} → {a:.4g}" for b, a in zip(before, after, strict=True)]
+        lines.append(f"| {sweep.label} | {' | '.join(cells)} |")
+    return ["Constants without and with it:", "", *lines, ""]
+
+
+def _strength(one: CauseReport) -> str:
+    shape = f", {one.cause.shape_means} {one.shape:.3g}" if one.shape is not None else ""
+    note = "" if one.converged else " (the refit did not converge)"
+    curse = " Found just above the threshold, it is probably overestimated." if abs(one.statistic) < 4.5 else ""
+    return (
+        f"Strength {one.estimate:.3g} {one.cause.unit} ({one.interval[0]:.3g} to {one.interval[1]:.3g} at 95 %){shape}"
+        f"{note}.{curse}"
+    )
+
+
+def _table(found: Diagnosis) -> list[str]:
+    if not found.causes:
+        return []
+    lines = [
+        "## All causes that these data can see",
+        "",
+        "| cause | place | t | p | p alone | strength | 95 % | would be seen from | unit | status |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | --- | --- |",
+    ]
+    lines += [
+        f"| {one.cause.name} | {one.cause.place} | {one.statistic:.2f} | {one.p_value:.3g} | {one.p_alone:.2g} "
+        f"| {one.estimate:.3g} | {one.interval[0]:.3g} to {one.interval[1]:.3g} | {one.detectability:.3g} "
+        f"| {one.cause.unit} | {one.status} |"
+        for one in found.causes
+    ]
+    return [
+        *lines,
+        "",
+        "p is for the whole family of causes and free forms, p alone for this cause by itself. A cause is ruled out if "
+        'what it leaves is conspicuous. "Would be seen from" is the strength found in about 96 of 100 such data sets.',
+        "",
+    ]
+
+
+def _where(found: Diagnosis) -> list[str]:
+    lines = ["## Where", "", "| free correction | share of the misfit that it absorbs | p |", "| --- | ---: | ---: |"]
+    lines += [f"| {one.words} | {100.0 * one.share:.0f} % | {one.p_family:.3g} |" for one in found.places[:_PLACES]]
+    lines += ["", "| neighbours along | correlation of residuals | p |", "| --- | ---: | ---: |"]
+    lines += [f"| {one.along} | {one.correlation:+.2f} | {one.p_value:.3g} |" for one in found.residuals_whiteness]
+    return [*lines, ""] if found.places else []
+
+
+def _noise(found: Diagnosis) -> list[str]:
+    if found.noise is None:
+        return []
+    gate = found.noise
+    unit = "times the stated deviations" if found.problem.stated_deviations else "relative"
+    lines = [f"{gate.describe()[0].upper()}{gate.describe()[1:]}; size {gate.size:.3g} ({unit})."]
+    if gate.repeats_freedom:
+        lines += [f"Repeated measurements scatter by {gate.repeats:.3g} ({gate.repeats_freedom} degrees of freedom)."]
+    if not gate.as_thought:
+        lines += [
+            "The tests above do not need white noise: its size, its course and its tails were fitted to these data."
+        ]
+    return ["## The noise", "", *lines, ""]
+
+
+def _hidden(found: Diagnosis) -> list[str]:
+    if not found.not_testable:
+        return []
+    lines = [f"- **{one.name}**: {one.why}. {one.what_would_help}" for one in found.not_testable]
+    return ["## What these data cannot see", "", *lines, ""]
+
+
+def _cause(one: CauseReport) -> dict[str, Any]:
+    return {
+        "name": one.cause.name,
+        "place": one.cause.place,
+        "p_value": one.p_value,
+        "p_value_alone": one.p_alone,
+        "statistic": one.statistic,
+        "estimate": one.estimate,
+        "interval": list(one.interval),
+        "unit": one.cause.unit,
+        "shape": one.shape,
+        "shape_means": one.cause.shape_means,
+        "detectability": one.detectability,
+        "status": one.status,
+        "p_value_of_the_rest": one.left,
+        "converged": one.converged,
+        "physics": one.cause.sentence,
+        "source": one.cause.source,
+    }
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if hasattr(value, "item") and not isinstance(value, str):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

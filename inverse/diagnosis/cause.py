@@ -1,0 +1,140 @@
+"""What a named cause of misfit is: an extension of one place of the model that does nothing at strength 0."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Complex, Float, Int
+
+from arfjax import FractionalZener, complex_modulus
+
+Strength = float | Float[Array, ""]
+
+
+class DmaConditions(eqx.Module):
+    """What each row of a dynamic mechanical analysis was measured under.
+
+    Attributes:
+        angular_frequency: [rad/s].
+        temperature: [degC].
+        time: Since the first row of the sample [s], or in rows where the file gives no time.
+        time_in_sweep: Share of the sweep's duration that had passed, 0 to 1.
+        exposure: Share of the water that saturated vapour took away until then, 0 to 1 over the sample's measurement.
+        level: Geometric mean of the measured modulus of the sweep [Pa].
+        softest: Lowest measured modulus of all rows [Pa].
+        stiffest: Highest measured modulus of all rows [Pa].
+        sweep: Index of the row's sweep.
+        sweep_before: Index of the sweep of the same sample at the temperature before; its own for the first.
+    """
+
+    angular_frequency: Float[Array, " row"]
+    temperature: Float[Array, " row"]
+    time: Float[Array, " row"]
+    time_in_sweep: Float[Array, " row"]
+    exposure: Float[Array, " row"]
+    level: Float[Array, " row"]
+    softest: Float[Array, ""]
+    stiffest: Float[Array, ""]
+    sweep: Int[Array, " row"]
+    sweep_before: Int[Array, " row"]
+
+    @property
+    def highest(self) -> Float[Array, ""]:
+        """Highest angular frequency [rad/s]."""
+        return jnp.max(self.angular_frequency)
+
+    @property
+    def lowest(self) -> Float[Array, ""]:
+        """Lowest angular frequency [rad/s]."""
+        return jnp.min(self.angular_frequency)
+
+
+class DmaState(eqx.Module):
+    """What a cause may look at beside the modulus that it changes.
+
+    Attributes:
+        conditions: Of each row.
+        before: Modulus of the material at the temperature of the sweep before, at the row's frequency [Pa].
+    """
+
+    conditions: DmaConditions
+    before: Complex[Array, " row"]
+
+
+class DmaCause(eqx.Module):
+    """A named cause of misfit of a dynamic mechanical analysis.
+
+    A cause overrides `material` (it changes the constants of the solid) or `measured` (it changes the modulus that the
+    instrument reports), and is nothing at strength 0. To add one, copy a file of `inverse/diagnosis/causes` and put it
+    into the library there.
+
+    Attributes:
+        name: As users write it.
+        place: Closure of the model that it extends.
+        unit: Of the strength.
+        sign: 1 if the strength cannot be negative, 0 if it may have either sign.
+        plausible: Scale of strengths that one would believe; half-normal or normal prior.
+        shapes: Values of a second parameter, each tried in turn; (nan,) for a cause without one.
+        sentence: The physics in one sentence.
+        helps: The measurement that would show it where these data cannot.
+        source: Where it is described, and where `plausible` comes from.
+    """
+
+    name: ClassVar[str]
+    place: ClassVar[str]
+    unit: ClassVar[str]
+    sign: ClassVar[int]
+    plausible: ClassVar[float]
+    sentence: ClassVar[str]
+    helps: ClassVar[str]
+    source: ClassVar[str]
+    shapes: ClassVar[tuple[float, ...]] = (float("nan"),)
+    shape_means: ClassVar[str] = ""
+
+    def material(self, constants: Float[Array, "sweep 4"], strength: Strength) -> Float[Array, "sweep 4"]:
+        """Constants of the solid of each sweep: relaxed, unrelaxed modulus [Pa], relaxation time [s], order."""
+        del strength
+        return constants
+
+    def measured(
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+    ) -> Complex[Array, " row"]:
+        """Modulus that the instrument reports [Pa]."""
+        del state, strength, shape
+        return modulus
+
+
+class Extension(eqx.Module):
+    """A cause with its shape chosen, ready to be put into the model.
+
+    Attributes:
+        cause: What is added.
+        shape: Value of its second parameter; NaN without one.
+    """
+
+    cause: DmaCause
+    shape: float = eqx.field(static=True)
+
+
+def predicted_modulus(
+    constants: Float[Array, "sweep 4"],
+    conditions: DmaConditions,
+    extensions: tuple[Extension, ...] = (),
+    strengths: Float[Array, " extension"] | None = None,
+) -> Complex[Array, " row"]:
+    """Modulus of every row [Pa] from the constants of every sweep and the strengths of the extensions."""
+    strengths = jnp.zeros(len(extensions)) if strengths is None else strengths
+    for extension, strength in zip(extensions, strengths, strict=True):
+        constants = extension.cause.material(constants, strength)
+
+    def row_modulus(row: Float[Array, " 4"], angular_frequency: Float[Array, ""]) -> Complex[Array, ""]:
+        return complex_modulus(FractionalZener(*row), angular_frequency)
+
+    of_rows = jax.vmap(row_modulus)
+    modulus = of_rows(constants[conditions.sweep], conditions.angular_frequency)
+    before = of_rows(constants[conditions.sweep_before], conditions.angular_frequency)
+    state = DmaState(conditions, before)
+    for extension, strength in zip(extensions, strengths, strict=True):
+        modulus = extension.cause.measured(modulus, state, strength, extension.shape)
+    return modulus

@@ -1,0 +1,28 @@
+"""Viscous drag of the bath."""
+
+from jaxtyping import Array, Complex
+
+from inverse.diagnosis.cause import DmaCause, DmaState, Strength
+
+
+class BathViscosity(DmaCause):
+    """Viscous drag of the bath."""
+
+    name = "bath-viscosity"
+    place = "instrument: bath"
+    unit = "Pa s"
+    sign = 1
+    plausible = 1.0
+    sentence = (
+        "The bath is squeezed and sheared along with the sample, which adds to the loss modulus in proportion to "
+        "frequency."
+    )
+    helps = "A run in the bath without a sample, or a sweep in air."
+    source = "Stefan (1874) squeeze flow between plates, from memory; scale: water in a gap of 1 mm, assumed"
+
+    def measured(
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+    ) -> Complex[Array, " row"]:
+        """Loss modulus plus viscosity times frequency."""
+        del shape
+        return modulus + 1j * strength * state.conditions.angular_frequency

@@ -1,0 +1,30 @@
+"""Second relaxation of the material."""
+
+from typing import ClassVar
+
+from jaxtyping import Array, Complex
+
+from inverse.diagnosis.cause import DmaCause, DmaState, Strength
+
+
+class SecondRelaxation(DmaCause):
+    """Second relaxation of the material."""
+
+    name = "second-relaxation"
+    place = "material: viscoelasticity"
+    unit = "1"
+    sign = 1
+    plausible = 0.5
+    sentence = "The material relaxes a second time, within the sweep, by another mechanism."
+    helps = "Frequencies at closer steps about the second relaxation."
+    source = "Ferry (1980), several relaxations, from memory; scale assumed: half the modulus"
+    shapes: ClassVar[tuple[float, ...]] = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
+    shape_means: ClassVar[str] = "place in the sweep: 0 relaxes at the lowest frequency, 1 at the highest"
+
+    def measured(
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+    ) -> Complex[Array, " row"]:
+        """A branch of the same relaxation time at all temperatures, in proportion to the sweep's modulus."""
+        time = state.conditions.lowest ** -(1.0 - shape) * state.conditions.highest**-shape
+        z = 1j * state.conditions.angular_frequency * time
+        return modulus + strength * state.conditions.level * z / (1.0 + z)

@@ -1,0 +1,37 @@
+"""Partial slip of the sample in its grip."""
+
+import math
+
+import jax.numpy as jnp
+from jaxtyping import Array, Complex
+
+from inverse.diagnosis.cause import DmaCause, DmaState, Strength
+
+HYSTERESIS = 4.0 / (3.0 * math.pi)
+"""Loss over the stiffness that friction takes away, on the branches of a parabolic loop."""
+
+
+class Slip(DmaCause):
+    """Partial slip of the sample in its grip."""
+
+    name = "slip"
+    place = "instrument: grip"
+    unit = "1"
+    sign = 1
+    plausible = 0.3
+    sentence = (
+        "The sample slips in the grip as the force grows, which takes stiffness away and adds friction where the "
+        "modulus is high."
+    )
+    helps = "A smaller strain amplitude, or a rough or glued grip."
+    source = (
+        "Mindlin & Deresiewicz (1953) partial slip: loss 4/(3 pi) of the stiffness lost, from memory; scale assumed"
+    )
+
+    def measured(
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+    ) -> Complex[Array, " row"]:
+        """Stiffness lost in proportion to the force, friction gained."""
+        del shape
+        part = strength * jnp.abs(modulus) / state.conditions.stiffest
+        return modulus * (1.0 - part * (1.0 - 1j * HYSTERESIS))

@@ -1,0 +1,35 @@
+"""Modulus that depends on strain."""
+
+import math
+
+import jax.numpy as jnp
+from jaxtyping import Array, Complex
+
+from inverse.diagnosis.cause import DmaCause, DmaState, Strength
+
+HYSTERESIS = 4.0 / (3.0 * math.pi)
+"""Loss over the stiffness that friction takes away, on the branches of a parabolic loop."""
+
+
+class StrainNonlinearity(DmaCause):
+    """Modulus that depends on strain."""
+
+    name = "strain-nonlinearity"
+    place = "material: linearity"
+    unit = "1"
+    sign = 0
+    plausible = 0.3
+    sentence = "The strain is larger where the sample is soft, and large strain softens (or stiffens) and dissipates."
+    helps = "Two strain amplitudes at one temperature."
+    source = (
+        "Rayleigh (1887) law of hysteresis: loss 4/(3 pi) of the stiffness lost, at constant force; from memory, "
+        "scale assumed"
+    )
+
+    def measured(
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+    ) -> Complex[Array, " row"]:
+        """Stiffness lost in proportion to the strain, which is one over the modulus at constant force."""
+        del shape
+        part = strength * state.conditions.softest / jnp.abs(modulus)
+        return modulus * (1.0 - part * (1.0 - 1j * HYSTERESIS))

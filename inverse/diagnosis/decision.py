@@ -1,0 +1,162 @@
+r"""From statistics to a verdict, at stated error rates, in the linearised model.
+
+1. *Is anything wrong?* The smallest p-value over all causes and free forms, against the same in replicates of the
+   residuals that hold noise alone. A free form has to be `FREE_FORM_HANDICAP` times as improbable as a cause.
+2. *Which cause?* Every cause that could be the one is put into the model, and everything else is tested again: a cause
+   after which nothing is left stays in the set, at `SET_LEVEL`. It is the truth with probability `1 - SET_LEVEL`.
+3. *No cause?* If not even the best leaves the rest inconspicuous at `UNEXPLAINED_LEVEL`, causes are added in pairs; if
+   that does not help either, the verdict is `unexplained`, never the nearest name.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from inverse.diagnosis.noise import Noise
+from inverse.diagnosis.screening import Alternative, Screen
+
+FREE_FORM_HANDICAP = 5.0
+SET_LEVEL = 0.01
+UNEXPLAINED_LEVEL = 0.04
+REPLICATES = 400
+_CONSIDERED = 6
+"""Causes that are put into the model, best first."""
+_WORTH_A_LOOK = 0.02
+"""p-value of a cause alone above which it is not put into the model."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Evidence:
+    """What a test of everything at once says.
+
+    Attributes:
+        p_value: That noise alone gives something as improbable.
+        statistic: Minus the logarithm of the smallest p-value, free forms handicapped.
+        alternatives: What was tested.
+        log_p: Logarithm of the p-value of each alternative alone.
+        p_family: The same for the whole family: that noise alone gives any alternative as improbable a value.
+        statistics: t or F of each alternative.
+        noise: The noise member that the most probable alternative goes with.
+        null_noise: The noise member without any alternative.
+    """
+
+    p_value: float
+    statistic: float
+    alternatives: tuple[Alternative, ...]
+    log_p: Float[np.ndarray, " alternative"]
+    p_family: Float[np.ndarray, " alternative"]
+    statistics: Float[np.ndarray, " alternative"]
+    noise: int
+    null_noise: int
+
+    def best(self, name: str) -> int | None:
+        """Index of the most probable shape of a cause."""
+        rows = [i for i, alternative in enumerate(self.alternatives) if alternative.name == name]
+        return min(rows, key=lambda row: self.log_p[row]) if rows else None
+
+    def ranked(self, names: Sequence[str]) -> list[str]:
+        """Names by their most probable shape."""
+        found = [(self.log_p[row], name) for name in names if (row := self.best(name)) is not None]
+        return [name for _, name in sorted(found)]
+
+
+@dataclasses.dataclass(frozen=True)
+class Decision:
+    """What the linearised model says.
+
+    Attributes:
+        verdict: `adequate`, `named`, `confusable` or `unexplained`.
+        omnibus: The test of everything at once.
+        candidates: For each cause that was put into the model, the p-value of what is left.
+        named: The causes in the set, best first; two if they act together.
+        left: The test of what the best extension leaves, or None if nothing was put in.
+        together: Whether `named` act together rather than being alternatives to each other.
+    """
+
+    verdict: str
+    omnibus: Evidence
+    candidates: dict[str, float]
+    named: tuple[str, ...]
+    left: Evidence | None
+    together: bool = False
+
+
+def decide(
+    residuals: Float[np.ndarray, " n"],
+    fitted: Float[np.ndarray, "n p"],
+    causes: Sequence[Alternative],
+    free_forms: Sequence[Alternative],
+    family: Sequence[Noise],
+    rng: np.random.Generator,
+    *,
+    level: float = 0.05,
+    replicates: int = REPLICATES,
+) -> Decision:
+    """Diagnose residuals of a fit that is linear about its optimum.
+
+    Args:
+        residuals: Measured less predicted.
+        fitted: Derivative of the prediction in the fitted parameters.
+        causes: Named causes that these data can see, one alternative for each shape.
+        free_forms: Corrections of no name.
+        family: Noise members, white first.
+        rng: For replicates.
+        level: Probability of finding something wrong where nothing is.
+        replicates: Data sets of noise alone that the levels are calibrated on.
+    """
+    names = list(dict.fromkeys(cause.name for cause in causes))
+
+    def test(extended: Float[np.ndarray, "n q"], remaining: Sequence[Alternative], handicap: float) -> Evidence:
+        screen = Screen(np.concatenate([fitted, extended], axis=1), remaining, family)
+        log_handicaps = [0.0 if a.name in names else math.log(handicap) for a in screen.alternatives]
+        return evidence(screen, residuals, rng, np.array(log_handicaps), replicates)
+
+    nothing = np.zeros((len(residuals), 0))
+    omnibus = test(nothing, [*causes, *free_forms], FREE_FORM_HANDICAP)
+    if omnibus.p_value > level:
+        return Decision("adequate", omnibus, {}, (), None)
+
+    candidates: dict[str, float] = {}
+    tests: dict[tuple[str, ...], Evidence] = {}
+    for name in omnibus.ranked(names)[:_CONSIDERED]:
+        row = omnibus.best(name)
+        if row is None or omnibus.log_p[row] > math.log(_WORTH_A_LOOK):
+            break
+        others = [cause for cause in causes if cause.name != name]
+        tests[(name,)] = test(omnibus.alternatives[row].directions, [*others, *free_forms], 1.0)
+        candidates[name] = tests[(name,)].p_value
+    if candidates and max(candidates.values()) >= UNEXPLAINED_LEVEL:
+        named = tuple(name for name, p in candidates.items() if p >= SET_LEVEL)
+        verdict = "named" if len(named) == 1 else "confusable"
+        return Decision(verdict, omnibus, candidates, named, tests[(named[0],)])
+    return Decision("unexplained", omnibus, candidates, (), tests.get(next(iter(tests), ("",))))
+
+
+def evidence(
+    screen: Screen,
+    residuals: Float[np.ndarray, " n"],
+    rng: np.random.Generator,
+    log_handicap: Float[np.ndarray, " alternative"],
+    replicates: int,
+) -> Evidence:
+    """Test everything at once, against replicates of noise alone."""
+    found = screen.statistics(residuals[:, None])
+    weighted = found.log_p[:, 0] + log_handicap
+    best = int(np.argmin(weighted))
+    noise = int(found.noise[best, 0])
+    drawn = screen.replicate(residuals, noise, replicates, rng)
+    null = np.min(screen.statistics(drawn).log_p + log_handicap[:, None], axis=0)
+    p_family = (1.0 + np.sum(null[None, :] <= weighted[:, None], axis=1)) / (replicates + 1.0)
+    return Evidence(
+        p_value=float(p_family[best]),
+        statistic=float(-weighted[best]),
+        alternatives=screen.alternatives,
+        log_p=found.log_p[:, 0],
+        p_family=p_family,
+        statistics=found.statistic[:, 0],
+        noise=noise,
+        null_noise=int(found.null_noise[0]),
+    )

@@ -1,0 +1,281 @@
+"""A dynamic mechanical analysis as a diagnosis sees it: residuals of the fit, and their derivatives in everything."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from inverse.datasets.dma import DmaData, Sweep, group_sweeps
+from inverse.diagnosis.cause import DmaCause, DmaConditions, Extension, predicted_modulus
+from inverse.diagnosis.noise import Ordering, series
+from inverse.diagnosis.screening import Alternative
+from inverse.dma_fit import DmaFit, SweepFit, ZenerModel, fit_sweeps
+from inverse.dma_residuals import LogModulus
+from inverse.parameters import Parameter
+
+_RESIDUAL = LogModulus()
+
+
+@dataclasses.dataclass(frozen=True)
+class DmaProblem:
+    """One data set with the model fitted to it.
+
+    Attributes:
+        sweeps: With the rows of each by ascending frequency.
+        fits: Of the model, one a sweep.
+        model: What was fitted.
+        conditions: Of every row.
+        rows: Number of rows.
+        has_phase: Whether the phase was measured.
+        weights: One over the standard deviation of each coordinate, where the data give it, and 1 elsewhere.
+        stated_deviations: Whether the data give them.
+        notes: What was assumed, for the report.
+    """
+
+    sweeps: tuple[Sweep, ...]
+    fits: tuple[SweepFit, ...]
+    model: ZenerModel
+    conditions: DmaConditions
+    has_phase: bool
+    weights: Float[np.ndarray, "row coordinate"]
+    stated_deviations: bool
+    notes: tuple[str, ...]
+
+    @property
+    def rows(self) -> int:
+        """Number of measured rows."""
+        return len(self.conditions.angular_frequency)
+
+    @property
+    def constants(self) -> Float[np.ndarray, "sweep 4"]:
+        """Fitted constants of every sweep; the order is 1 for the conventional solid."""
+        rows = [np.append(fit.values, 1.0)[:4] for fit in self.fits]
+        return np.stack(rows)
+
+    @property
+    def parameters(self) -> tuple[tuple[Parameter, ...], ...]:
+        """What the fit of every sweep moves."""
+        return tuple(self.model.parameters(sweep.data) for sweep in self.sweeps)
+
+    @property
+    def moved(self) -> Float[np.ndarray, "sweep n"]:
+        """Values of what the fit moves: the branch's modulus in place of the unrelaxed one."""
+        values = np.stack([fit.values for fit in self.fits])
+        values[:, 1] -= values[:, 0]
+        return values
+
+    @property
+    def measured(self) -> Float[np.ndarray, "row coordinate"]:
+        """Logarithm of the measured magnitude, and phase where it was measured."""
+        return np.concatenate([_coordinates_of(sweep.data, self.has_phase) for sweep in self.sweeps])
+
+    def residuals(self) -> Float[np.ndarray, " n"]:
+        """Measured less predicted, weighted."""
+        predicted = np.asarray(_predicted(jnp.asarray(self.constants), self.conditions, self.has_phase))
+        return (self.weights * (self.measured - predicted)).ravel()
+
+    def fitted_directions(self) -> Float[np.ndarray, "n p"]:
+        """Derivative of the weighted prediction in the constants of every sweep."""
+        count = len(self.model.constants())
+        jacobian = np.asarray(_in_constants(jnp.asarray(self.constants), self.conditions, self.has_phase))
+        columns = jacobian[..., :count].reshape(*self.weights.shape, -1)
+        return (self.weights[:, :, None] * columns).reshape(self.weights.size, -1)
+
+    def directions(self, causes: Sequence[DmaCause]) -> list[Alternative]:
+        """Derivative of the weighted prediction in the strength of every shape of every cause, at strength 0."""
+        found = []
+        extensions = [Extension(cause, shape) for cause in causes for shape in cause.shapes]
+        columns = _in_strengths(jnp.asarray(self.constants), self.conditions, tuple(extensions), self.has_phase)
+        for extension, column in zip(extensions, np.asarray(columns), strict=True):
+            direction = (self.weights * column).reshape(-1, 1)
+            shape = None if np.isnan(extension.shape) else extension.shape
+            found.append(Alternative(extension.cause.name, direction, extension.cause.sign, shape))
+        return found
+
+    def orderings(self) -> tuple[Ordering, ...]:
+        """Neighbours along frequency, and along time where that is another order."""
+        coordinates = self.weights.shape[1]
+        sweep = np.asarray(self.conditions.sweep)
+        keys = [(int(s), c) for s in sweep for c in range(coordinates)]
+        along = {
+            "frequency": np.asarray(self.conditions.angular_frequency),
+            "time": np.asarray(self.conditions.time),
+        }
+        found = [series(name, keys, np.repeat(values, coordinates)) for name, values in along.items()]
+        same = np.array_equal(found[0].previous, found[1].previous)
+        return (found[0],) if same else tuple(found)
+
+    def frequencies(self) -> Float[np.ndarray, " n"]:
+        """Frequency of every residual [Hz]."""
+        return np.repeat(np.asarray(self.conditions.angular_frequency) / (2.0 * np.pi), self.weights.shape[1])
+
+
+def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: int = 16) -> tuple[DmaProblem, DmaFit]:
+    """Fit the model to every sweep of a data set and get it ready for a diagnosis.
+
+    Args:
+        data: From `read_dma`, in the order of the file.
+        model: The null model.
+        seed: Of the starts of the fit.
+        n_starts: Starts of each fit.
+
+    Returns:
+        The problem on the sweeps that could be fitted, and all fits for the audit.
+
+    Raises:
+        ValueError: if no sweep has more data than the model has constants.
+    """
+    data, notes = _with_time(data)
+    needed = len(model.constants())
+    sweeps = tuple(s for s in group_sweeps(data) if s.data.distinct_frequencies > needed)
+    if not sweeps:
+        raise ValueError(
+            f"no sweep has more than {needed} frequencies, which is what the constants of the {model.name} model take; "
+            f"measure more frequencies at one temperature."
+        )
+    fit = fit_sweeps(sweeps, models=(model,), residuals=(_RESIDUAL,), seed=seed, n_starts=n_starts)
+    weights, stated = _weights(sweeps)
+    left_out = len(group_sweeps(data)) - len(sweeps)
+    if left_out:
+        notes = (*notes, f"{left_out} sweeps with too few frequencies for {needed} constants were left out.")
+    return (
+        DmaProblem(
+            sweeps=sweeps,
+            fits=fit.fits,
+            model=model,
+            conditions=_conditions(sweeps),
+            has_phase=data.has_phase,
+            weights=weights,
+            stated_deviations=stated,
+            notes=notes,
+        ),
+        fit,
+    )
+
+
+def _with_time(data: DmaData) -> tuple[DmaData, tuple[str, ...]]:
+    """Rows counted through each sample where the file gives no time."""
+    if data.time_s is not None:
+        return data, ()
+    labels = data.sample or ("",) * len(data)
+    time, seen = np.zeros(len(data)), dict.fromkeys(labels, 0)
+    for row, label in enumerate(labels):
+        time[row] = seen[label]
+        seen[label] += 1
+    note = "The file gives no time: rows are taken for equally long and in the order in which they were measured."
+    return dataclasses.replace(data, time_s=time), (note,)
+
+
+def _times(data: DmaData) -> Float[np.ndarray, " row"]:
+    return np.asarray(data.time_s, dtype=float)
+
+
+def _conditions(sweeps: Sequence[Sweep]) -> DmaConditions:
+    data = [sweep.data for sweep in sweeps]
+    sizes = [len(one) for one in data]
+    times = [_times(one) for one in data]
+    exposure = _exposure(sweeps)
+    magnitude = [one.modulus_magnitude for one in data]
+    before = [_sweep_before(sweeps, index) for index in range(len(sweeps))]
+    return DmaConditions(
+        angular_frequency=jnp.asarray(2.0 * np.pi * np.concatenate([one.frequency_hz for one in data])),
+        temperature=jnp.asarray(np.concatenate([one.temperature_c for one in data])),
+        time=jnp.asarray(np.concatenate(times)),
+        time_in_sweep=jnp.asarray(np.concatenate([(t - t.min()) / max(np.ptp(t), 1e-300) for t in times])),
+        exposure=jnp.asarray(np.concatenate(exposure)),
+        level=jnp.asarray(np.repeat([np.exp(np.mean(np.log(m))) for m in magnitude], sizes)),
+        softest=jnp.asarray(min(m.min() for m in magnitude)),
+        stiffest=jnp.asarray(max(m.max() for m in magnitude)),
+        sweep=jnp.asarray(np.repeat(np.arange(len(sweeps)), sizes)),
+        sweep_before=jnp.asarray(np.repeat(before, sizes)),
+    )
+
+
+def _exposure(sweeps: Sequence[Sweep]) -> list[Float[np.ndarray, " row"]]:
+    """Integral over time of the pressure of saturated vapour, from 0 to 1 over each sample's measurement."""
+    found = [np.zeros(len(sweep.data)) for sweep in sweeps]
+    for sample in dict.fromkeys(sweep.sample for sweep in sweeps):
+        members = [index for index, sweep in enumerate(sweeps) if sweep.sample == sample]
+        time = np.concatenate([_times(sweeps[i].data) for i in members])
+        pressure = np.concatenate([_vapour_pressure(sweeps[i].data.temperature_c) for i in members])
+        order = np.argsort(time, kind="stable")
+        steps = np.diff(time[order]) * 0.5 * (pressure[order][1:] + pressure[order][:-1])
+        lost = np.empty(len(time))
+        lost[order] = np.concatenate([[0.0], np.cumsum(steps)])
+        lost = lost / max(float(lost.max()), 1e-300)
+        ends = np.cumsum([len(sweeps[i].data) for i in members])
+        for index, part in zip(members, np.split(lost, ends[:-1]), strict=True):
+            found[index] = part
+    return found
+
+
+def _vapour_pressure(temperature: Float[np.ndarray, " row"]) -> Float[np.ndarray, " row"]:
+    """Of water [Pa], by the Magnus formula."""
+    return 610.94 * np.exp(17.625 * temperature / (243.04 + temperature))
+
+
+def _sweep_before(sweeps: Sequence[Sweep], index: int) -> int:
+    """The sweep of the same sample that was measured before; its own index for the first."""
+    mine = sweeps[index]
+    earlier = [
+        (float(np.min(_times(other.data))), i)
+        for i, other in enumerate(sweeps)
+        if other.sample == mine.sample and np.min(_times(other.data)) < np.min(_times(mine.data))
+    ]
+    return max(earlier)[1] if earlier else index
+
+
+def _coordinates_of(data: DmaData, has_phase: bool) -> Float[np.ndarray, "row coordinate"]:
+    if not has_phase:
+        return np.log(data.modulus_magnitude)[:, None]
+    phase = np.arctan2(np.asarray(data.loss_modulus), np.asarray(data.storage_modulus))
+    return np.stack([np.log(data.modulus_magnitude), phase], axis=-1)
+
+
+def _weights(sweeps: Sequence[Sweep]) -> tuple[Float[np.ndarray, "row coordinate"], bool]:
+    coordinates = 2 if sweeps[0].data.has_phase else 1
+    deviations = [_RESIDUAL.standard_deviations(sweep.data) for sweep in sweeps]
+    known = [one for one in deviations if one is not None]
+    if len(known) < len(sweeps):
+        return np.ones((sum(len(sweep.data) for sweep in sweeps), coordinates)), False
+    return 1.0 / np.concatenate(known)[:, :coordinates], True
+
+
+def predict_coordinates(
+    constants: Float[Array, "sweep 4"],
+    conditions: DmaConditions,
+    extensions: tuple[Extension, ...],
+    strengths: Float[Array, " extension"],
+    has_phase: bool,
+) -> Float[Array, "row coordinate"]:
+    """Logarithm of the magnitude, and phase where it was measured, of every row."""
+    modulus = predicted_modulus(constants, conditions, extensions, strengths)
+    magnitude = 0.5 * jnp.log(modulus.real**2 + modulus.imag**2)
+    if not has_phase:
+        return magnitude[:, None]
+    return jnp.stack([magnitude, jnp.arctan2(modulus.imag, modulus.real)], axis=-1)
+
+
+@eqx.filter_jit
+def _predicted(constants, conditions, has_phase):
+    return predict_coordinates(constants, conditions, (), jnp.zeros(0), has_phase)
+
+
+@eqx.filter_jit
+def _in_constants(constants, conditions, has_phase):
+    return jax.jacfwd(lambda c: predict_coordinates(c, conditions, (), jnp.zeros(0), has_phase))(constants)
+
+
+@eqx.filter_jit
+def _in_strengths(constants, conditions, extensions, has_phase):
+    def slope(extension):
+        def response(strength):
+            return predict_coordinates(constants, conditions, (extension,), strength[None], has_phase)
+
+        return jax.jvp(response, (jnp.zeros(()),), (jnp.ones(()),))[1]
+
+    return jnp.stack([slope(extension) for extension in extensions])

@@ -1,0 +1,105 @@
+"""Is the noise what one thought? Asked before any physics is blamed, and answered with what it is instead."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+
+from inverse.diagnosis.dma_problem import DmaProblem
+from inverse.diagnosis.screening import Screen
+
+GATE_LEVEL = 0.01
+"""Probability of calling white noise something else, for each of the questions."""
+
+
+@dataclasses.dataclass(frozen=True)
+class NoiseGate:
+    """What is known about the noise.
+
+    Attributes:
+        kind: The likeliest member of the family, in words.
+        p_white: That white noise of one size looks as unlike it.
+        size: Standard deviation of the residuals, in units of the stated ones, or relative where none are stated [1].
+        p_size: That noise of the stated size leaves residuals as large; NaN where no deviations are stated.
+        excess_kurtosis: Of the whitened residuals; 0 for Gaussian noise.
+        p_tails: That Gaussian noise has as heavy tails.
+        repeats: Scatter of repeated measurements at the same frequency and sweep, in the unit of `size`; NaN without.
+        repeats_freedom: Degrees of freedom of that scatter.
+    """
+
+    kind: str
+    p_white: float
+    size: float
+    p_size: float
+    excess_kurtosis: float
+    p_tails: float
+    repeats: float
+    repeats_freedom: int
+
+    @property
+    def as_thought(self) -> bool:
+        """Whether white Gaussian noise, of the stated size if one is stated, would do."""
+        return min(self.p_white, 1.0 if np.isnan(self.p_size) else self.p_size, self.p_tails) >= GATE_LEVEL
+
+    def describe(self) -> str:
+        """In words."""
+        words = [f"the noise is {self.kind}"]
+        if self.p_size < GATE_LEVEL:
+            words.append(f"{self.size:.2f} times the stated standard deviations")
+        if self.p_tails < GATE_LEVEL:
+            words.append(f"with tails heavier than Gaussian (excess kurtosis {self.excess_kurtosis:.1f})")
+        return ", ".join(words)
+
+
+def noise_gate(
+    screen: Screen,
+    residuals: Float[np.ndarray, " n"],
+    problem: DmaProblem,
+    rng: np.random.Generator,
+    *,
+    replicates: int = 400,
+) -> NoiseGate:
+    """Examine the residuals of a model that is taken to be right.
+
+    Args:
+        screen: Of that model.
+        residuals: Measured less predicted, weighted.
+        problem: For stated deviations and repeats.
+        rng: For replicates of white Gaussian noise.
+        replicates: How many.
+    """
+    white = rng.standard_normal((len(residuals), replicates))
+    gain, member, left = screen.noise_evidence(np.concatenate([residuals[:, None], white], axis=1))
+    kurtosis = stats.kurtosis(left, axis=0)
+    size = float(np.sqrt(np.sum(left[:, 0] ** 2) / screen.freedom))
+    repeats, freedom = _repeats(problem)
+    return NoiseGate(
+        kind=screen.family[member[0]].describe(),
+        p_white=_upper(gain),
+        size=size,
+        p_size=float(stats.chi2.sf(size**2 * screen.freedom, screen.freedom)) if problem.stated_deviations else np.nan,
+        excess_kurtosis=float(kurtosis[0]),
+        p_tails=_upper(kurtosis),
+        repeats=repeats,
+        repeats_freedom=freedom,
+    )
+
+
+def _upper(values: Float[np.ndarray, " batch"]) -> float:
+    """Share of the replicates that are as large as the first value."""
+    return float((1.0 + np.sum(values[1:] >= values[0])) / len(values))
+
+
+def _repeats(problem: DmaProblem) -> tuple[float, int]:
+    """Pooled scatter of rows that share sweep and frequency."""
+    rounded = np.round(np.log(np.asarray(problem.conditions.angular_frequency)), 4)
+    sweep = np.asarray(problem.conditions.sweep)
+    total, freedom = 0.0, 0
+    scaled = problem.measured * problem.weights
+    for key in set(zip(sweep.tolist(), rounded.tolist(), strict=True)):
+        rows = (sweep == key[0]) & (rounded == key[1])
+        if np.sum(rows) > 1:
+            total += float(np.sum((scaled[rows] - scaled[rows].mean(axis=0)) ** 2))
+            freedom += (int(np.sum(rows)) - 1) * scaled.shape[1]
+    return (float(np.sqrt(total / freedom)), freedom) if freedom else (np.nan, 0)

@@ -1,0 +1,251 @@
+r"""All alternatives to a fit tested in one linearisation, fitted parameters projected out, noise unknown.
+
+For one alternative with direction $s$ (the derivative of the prediction in a cause's strength at its null value) the
+residuals $e$ and $s$ are taken into the coordinates of a noise member, the span of the fitted parameters is projected
+out, and $t = \hat s \cdot \hat e / (|\hat s| \hat\sigma)$ with the noise size $\hat\sigma$ from what the alternative
+leaves. The noise member is the one of highest restricted likelihood *with the alternative in the model*: an effect that
+is there is not mistaken for correlated noise. An alternative of several directions (a free form) has an F-statistic.
+
+Source: score tests, Rao (1948); restricted likelihood, Patterson & Thompson (1971). Cited from memory.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy import stats
+
+from inverse.diagnosis.noise import Noise
+
+_VISIBLE = 1e-2
+"""Part of a free form's direction that must be left after projection for it to count."""
+_HIGHEST_LEVERAGE = 0.95
+_FLOOR = 1e-300
+
+
+@dataclasses.dataclass(frozen=True)
+class Alternative:
+    """Something that the model might lack.
+
+    Attributes:
+        name: Of the cause or the free form; a cause with several shapes has one alternative for each.
+        directions: Derivative of the prediction in each strength, one column each.
+        sign: 1 if the strength cannot be negative (one-sided test), 0 if it may have either sign.
+        shape: Value of the cause's second parameter, where it has one.
+    """
+
+    name: str
+    directions: Float[np.ndarray, "n q"]
+    sign: int = 0
+    shape: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Statistics:
+    """Tests of all alternatives on a batch of data.
+
+    Attributes:
+        log_p: Logarithm of the p-value of each alternative alone.
+        statistic: t for a single direction, F for several.
+        noise: Index of the noise member with each alternative in the model.
+        null_noise: Index of the noise member without any.
+    """
+
+    log_p: Float[np.ndarray, "alternative batch"]
+    statistic: Float[np.ndarray, "alternative batch"]
+    noise: Int[np.ndarray, "alternative batch"]
+    null_noise: Int[np.ndarray, " batch"]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Prepared:
+    """One noise member: bases of the fitted parameters and of the alternatives, orthonormal among themselves."""
+
+    noise: Noise
+    fitted: Float[np.ndarray, "n p"]
+    singles: Float[np.ndarray, "n s"]
+    log_single: Float[np.ndarray, " s"]
+    groups: Float[np.ndarray, "n g"]
+    starts: Int[np.ndarray, " groups"]
+    ranks: Int[np.ndarray, " groups"]
+    log_group: Float[np.ndarray, " groups"]
+    log_determinant: float
+
+
+class Screen:
+    """Tests of alternatives to one linearised model; prepared once, applied to many data sets."""
+
+    def __init__(
+        self, fitted: Float[np.ndarray, "n p"], alternatives: Sequence[Alternative], family: Sequence[Noise]
+    ) -> None:
+        """Prepare.
+
+        Args:
+            fitted: Derivative of the prediction in the fitted parameters, one column each.
+            alternatives: What to test for; those of which the fitted parameters leave nothing are left out.
+            family: Noise members, white first.
+        """
+        self._fitted = independent(fitted)
+        self.freedom = self._fitted.shape[0] - self._fitted.shape[1]
+        self.family = tuple(family)
+        ranks = [_visible_rank(alternative.directions, self._fitted) for alternative in alternatives]
+        self.alternatives = tuple(a for a, rank in zip(alternatives, ranks, strict=True) if rank)
+        self._ranks = [rank for rank in ranks if rank]
+        self._single = np.array([a.directions.shape[1] == 1 for a in self.alternatives], dtype=bool)
+        self._two_sided = np.array([a.sign == 0 for a in self.alternatives if a.directions.shape[1] == 1], dtype=bool)
+        self._prepared = [self._prepare(noise) for noise in self.family]
+
+    def statistics(self, data: Float[np.ndarray, "n batch"]) -> Statistics:
+        """Test every alternative on every column of residuals."""
+        count, batch = len(self.alternatives), data.shape[1]
+        likelihood = np.full((count, batch), -np.inf)
+        statistic, noise = np.zeros((count, batch)), np.zeros((count, batch), dtype=int)
+        ranks = np.ones((count, batch), dtype=int)
+        null_likelihood, null_noise = np.full(batch, -np.inf), np.zeros(batch, dtype=int)
+        single, several = np.flatnonzero(self._single), np.flatnonzero(~self._single)
+        for index, prepared in enumerate(self._prepared):
+            left = _project_out(prepared.noise.whiten(data), prepared.fitted)
+            total = np.sum(left**2, axis=0)
+            without = self._likelihood(prepared, 0.0, total, 0)
+            better = without > null_likelihood
+            null_likelihood, null_noise = (
+                np.where(better, without, null_likelihood),
+                np.where(better, index, null_noise),
+            )
+            along = prepared.singles.T @ left
+            rest = np.maximum(total - along**2, _FLOOR)
+            t = along / np.sqrt(rest / (self.freedom - 1))
+            found = self._likelihood(prepared, prepared.log_single[:, None], rest, 1)
+            _keep(single, found, index, t, 1, (likelihood, noise, statistic, ranks))
+            if several.size:
+                inside = np.add.reduceat((prepared.groups.T @ left) ** 2, prepared.starts, axis=0)
+                rank = prepared.ranks[:, None]
+                rest = np.maximum(total - inside, _FLOOR)
+                f = (inside / rank) / (rest / (self.freedom - rank))
+                found = self._likelihood(prepared, prepared.log_group[:, None], rest, rank)
+                _keep(several, found, index, f, rank, (likelihood, noise, statistic, ranks))
+        return Statistics(self._log_p(statistic, ranks), statistic, noise, null_noise)
+
+    def noise_evidence(
+        self, data: Float[np.ndarray, "n batch"]
+    ) -> tuple[Float[np.ndarray, " batch"], Int[np.ndarray, " batch"], Float[np.ndarray, "n batch"]]:
+        """How much likelier the best noise member makes the residuals than white noise, with no alternative at all.
+
+        Returns:
+            Gain of the restricted log-likelihood over the first member, the index of the best member, and the
+            residuals in its coordinates.
+        """
+        best = np.full(data.shape[1], -np.inf)
+        first, member, kept = np.zeros(data.shape[1]), np.zeros(data.shape[1], dtype=int), np.zeros_like(data)
+        for index, prepared in enumerate(self._prepared):
+            left = _project_out(prepared.noise.whiten(data), prepared.fitted)
+            found = self._likelihood(prepared, 0.0, np.sum(left**2, axis=0), 0)
+            first = found if index == 0 else first
+            better = found > best
+            best, member = np.where(better, found, best), np.where(better, index, member)
+            kept = np.where(better[None, :], left, kept)
+        return best - first, member, kept
+
+    def replicate(
+        self, residuals: Float[np.ndarray, " n"], noise: int, count: int, rng: np.random.Generator
+    ) -> Float[np.ndarray, "n count"]:
+        """Data as they would be if only noise were there: the residuals themselves, made white and drawn anew.
+
+        Heavy tails stay what they are; drawn values change places and signs, so that no effect survives.
+        """
+        prepared = self._prepared[noise]
+        white = _project_out(prepared.noise.whiten(residuals[:, None]), prepared.fitted)[:, 0]
+        leverage = np.minimum(np.sum(prepared.fitted**2, axis=1), _HIGHEST_LEVERAGE)
+        white = white / np.sqrt(1.0 - leverage)
+        return prepared.noise.colour(rng.choice(np.concatenate([white, -white]), (len(white), count)))
+
+    def projected(self, noise: int = 0) -> Float[np.ndarray, "n single"]:
+        """Unit directions of the single alternatives, fitted parameters projected out, in white coordinates."""
+        return self._prepared[noise].singles
+
+    def lengths(self, noise: int = 0) -> Float[np.ndarray, " single"]:
+        """Lengths of the projected directions before they were made unit vectors: d' for unit strength and noise."""
+        return np.exp(0.5 * self._prepared[noise].log_single)
+
+    def _prepare(self, noise: Noise) -> _Prepared:
+        fitted, triangle = np.linalg.qr(noise.whiten(self._fitted))
+        singles, bases, ranks = [], [], []
+        for alternative, rank in zip(self.alternatives, self._ranks, strict=True):
+            if alternative.directions.shape[1] == 1:
+                singles.append(_project_out(noise.whiten(alternative.directions), fitted))
+            else:
+                bases.append(_leading(_project_out(noise.whiten(unit_columns(alternative.directions)), fitted), rank))
+                ranks.append(rank)
+        stacked = np.concatenate(singles, axis=1) if singles else np.zeros((len(fitted), 0))
+        lengths = np.maximum(np.linalg.norm(stacked, axis=0), _FLOOR)
+        return _Prepared(
+            noise=noise,
+            fitted=fitted,
+            singles=stacked / lengths,
+            log_single=2.0 * np.log(lengths),
+            groups=np.concatenate([basis for basis, _ in bases], axis=1) if bases else np.zeros((len(fitted), 0)),
+            starts=np.concatenate([[0], np.cumsum(ranks)[:-1]]).astype(int) if bases else np.zeros(0, dtype=int),
+            ranks=np.array(ranks, dtype=int),
+            log_group=np.array([log for _, log in bases]),
+            log_determinant=noise.log_determinant + 2.0 * float(np.sum(np.log(np.abs(np.diag(triangle))))),
+        )
+
+    def _likelihood(self, prepared: _Prepared, log_directions, rest, rank):
+        """Restricted log-likelihood, the size of the noise at its best."""
+        determinants = prepared.log_determinant + log_directions
+        return prepared.noise.log_prior - 0.5 * determinants - 0.5 * (self.freedom - rank) * np.log(rest)
+
+    def _log_p(self, statistic, ranks):
+        log_p = np.zeros_like(statistic)
+        single = np.flatnonzero(self._single)
+        one = stats.t.logsf(statistic[single], self.freedom - 1)
+        both = np.log(2.0) + stats.t.logsf(np.abs(statistic[single]), self.freedom - 1)
+        log_p[single] = np.where(self._two_sided[:, None], both, one)
+        several = np.flatnonzero(~self._single)
+        if several.size:
+            log_p[several] = stats.f.logsf(statistic[several], ranks[several], self.freedom - ranks[several])
+        return log_p
+
+
+def independent(columns: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n r"]:
+    """Orthonormal basis of the columns, scaled to unit length first; directions of no effect are dropped."""
+    lengths = np.linalg.norm(columns, axis=0)
+    kept = columns[:, lengths > 0.0] / lengths[lengths > 0.0]
+    basis, singular, _ = np.linalg.svd(kept, full_matrices=False)
+    return basis[:, singular > 1e-9 * singular[0]] if singular.size else kept
+
+
+def unit_columns(columns: Float[np.ndarray, "n q"]) -> Float[np.ndarray, "n q"]:
+    """Columns of unit length."""
+    return columns / np.maximum(np.linalg.norm(columns, axis=0), _FLOOR)
+
+
+def visibility(columns: Float[np.ndarray, "n q"], fitted: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " q"]:
+    """Part of each column's length that the fitted parameters cannot imitate."""
+    return np.linalg.norm(_project_out(unit_columns(columns), independent(fitted)), axis=0)
+
+
+def _visible_rank(columns: Float[np.ndarray, "n q"], basis: Float[np.ndarray, "n p"]) -> int:
+    left = np.linalg.svd(_project_out(unit_columns(columns), basis), compute_uv=False)
+    return int(np.sum(left > (_VISIBLE if columns.shape[1] > 1 else 0.0)))
+
+
+def _project_out(columns: Float[np.ndarray, "n m"], basis: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n m"]:
+    return columns - basis @ (basis.T @ columns)
+
+
+def _leading(columns: Float[np.ndarray, "n q"], rank: int) -> tuple[Float[np.ndarray, "n r"], float]:
+    """Orthonormal basis of the `rank` strongest directions, and the logarithm of their squared volume."""
+    basis, singular, _ = np.linalg.svd(columns, full_matrices=False)
+    return basis[:, :rank], 2.0 * float(np.sum(np.log(singular[:rank])))
+
+
+def _keep(rows, found, index, statistic, rank, into) -> None:
+    """Where this noise member is the likeliest so far, its statistic is the one that counts."""
+    likelihood, noise, kept, ranks = into
+    better = found > likelihood[rows]
+    likelihood[rows] = np.where(better, found, likelihood[rows])
+    noise[rows] = np.where(better, index, noise[rows])
+    kept[rows] = np.where(better, statistic, kept[rows])
+    ranks[rows] = np.where(better, rank, ranks[rows])

@@ -1,0 +1,88 @@
+"""A diagnosis in one figure: residuals before and after, and the causes by their statistic."""
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from inverse.diagnosis import Diagnosis
+
+_MOST_CAUSES = 12
+_FACTORS = (100.0, 1e3)
+_LABELS = ("magnitude, measured over model − 1 [%]", "phase, measured − model [mrad]")
+
+
+def diagnosis_figure(found: Diagnosis) -> Figure:
+    """Relative residuals of magnitude and phase over frequency, and the statistic of every cause.
+
+    Args:
+        found: From `diagnose_dma`.
+    """
+    problem = found.problem
+    coordinates = problem.weights.shape[1]
+    stages = [("the fitted model", problem.residuals())]
+    if found.extended is not None:
+        names = " and ".join(extension.cause.name for extension in found.extended.extensions)
+        stages.append((f"with {names}", found.extended.residuals))
+    wide = 3.2 * len(stages) + (3.4 if found.causes else 0.0)
+    figure = Figure(figsize=(wide + 1.2, 2.4 * coordinates + 0.9), layout="constrained")
+    widths = [1.0] * len(stages) + ([1.0] if found.causes else [])
+    axes = figure.subplots(coordinates, len(widths), squeeze=False, width_ratios=widths)
+    temperatures = np.array([sweep.temperature_c for sweep in problem.sweeps])
+    scale = Normalize(temperatures.min() - 1.0, temperatures.max() + 1.0)
+    limits = _limits(problem, stages[0][1])
+    for column, (title, residuals) in enumerate(stages):
+        shaped = (residuals / problem.weights.ravel()).reshape(problem.weights.shape)
+        for coordinate in range(coordinates):
+            axis = axes[coordinate, column]
+            _draw_residuals(axis, problem, _FACTORS[coordinate] * shaped[:, coordinate], scale)
+            axis.set_ylim(-limits[coordinate], limits[coordinate])
+            if column == 0:
+                axis.set_ylabel(
+                    ("magnitude, measured over model − 1 [%]", "phase, measured − model [mrad]")[coordinate]
+                )
+        axes[0, column].set_title(title, fontsize=9)
+        axes[-1, column].set_xlabel("frequency [Hz]")
+    colours = colormaps["viridis"]
+    shown = problem.sweeps if len(problem.sweeps) <= 6 else problem.sweeps[:: max(1, len(problem.sweeps) // 5)]
+    for sweep in shown:
+        axes[0, 0].plot([], [], color=colours(scale(sweep.temperature_c)), marker="o", ms=3, label=sweep.label)
+    axes[0, 0].legend(fontsize=6, frameon=False, ncols=2, loc="best")
+    if found.causes:
+        for coordinate in range(1, coordinates):
+            axes[coordinate, -1].remove()
+        spec = axes[0, -1].get_subplotspec()
+        axes[0, -1].remove()
+        whole = figure.add_subplot(spec.get_gridspec()[:, -1]) if spec is not None else figure.add_subplot()
+        _draw_causes(whole, found)
+    return figure
+
+
+def _limits(problem, residuals) -> list[float]:
+    shaped = np.abs((residuals / problem.weights.ravel()).reshape(problem.weights.shape))
+    return [
+        1.15 * factor * float(shaped[:, c].max())
+        for c, factor in zip(range(shaped.shape[1]), (100.0, 1e3), strict=False)
+    ]
+
+
+def _draw_residuals(axis: Axes, problem, values, scale) -> None:
+    colours = colormaps["viridis"]
+    frequency = np.asarray(problem.conditions.angular_frequency) / (2.0 * np.pi)
+    sweep = np.asarray(problem.conditions.sweep)
+    for index, one in enumerate(problem.sweeps):
+        rows = sweep == index
+        axis.semilogx(frequency[rows], values[rows], "-o", ms=2.5, lw=0.7, color=colours(scale(one.temperature_c)))
+    axis.axhline(0.0, color="0.6", lw=0.6, zorder=0)
+
+
+def _draw_causes(axis: Axes, found: Diagnosis) -> None:
+    shown = found.causes[:_MOST_CAUSES][::-1]
+    colours = {"named": "C3", "confusable": "C1", "ruled out": "0.45"}
+    for row, one in enumerate(shown):
+        axis.barh(row, abs(one.statistic), color=colours.get(one.status, "0.8"), height=0.65)
+    axis.set_yticks(range(len(shown)), [one.cause.name for one in shown], fontsize=7)
+    axis.set_xlabel("|t| of the strength")
+    axis.set_title("causes: red named, orange not told apart,\ndark ruled out", fontsize=8)
+    axis.margins(y=0.01)
