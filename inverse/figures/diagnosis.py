@@ -3,14 +3,16 @@
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
-from inverse.diagnosis import Diagnosis
+from inverse.diagnosis import CauseReport, Diagnosis
 
 _MOST_CAUSES = 12
 _FACTORS = (100.0, 1e3)
-_LABELS = ("magnitude, measured over model − 1 [%]", "phase, measured − model [mrad]")
+_LABELS = ("magnitude off by [%]", "phase off by [mrad]")
 
 
 def diagnosis_figure(found: Diagnosis) -> Figure:
@@ -39,16 +41,11 @@ def diagnosis_figure(found: Diagnosis) -> Figure:
             _draw_residuals(axis, problem, _FACTORS[coordinate] * shaped[:, coordinate], scale)
             axis.set_ylim(-limits[coordinate], limits[coordinate])
             if column == 0:
-                axis.set_ylabel(
-                    ("magnitude, measured over model − 1 [%]", "phase, measured − model [mrad]")[coordinate]
-                )
+                axis.set_ylabel(("magnitude off by [%]", "phase off by [mrad]")[coordinate])
         axes[0, column].set_title(title, fontsize=9)
         axes[-1, column].set_xlabel("frequency [Hz]")
-    colours = colormaps["viridis"]
-    shown = problem.sweeps if len(problem.sweeps) <= 6 else problem.sweeps[:: max(1, len(problem.sweeps) // 5)]
-    for sweep in shown:
-        axes[0, 0].plot([], [], color=colours(scale(sweep.temperature_c)), marker="o", ms=3, label=sweep.label)
-    axes[0, 0].legend(fontsize=6, frameon=False, ncols=2, loc="best")
+    bar = figure.colorbar(ScalarMappable(scale, "viridis"), ax=axes[:, : len(stages)], pad=0.01, aspect=35)
+    bar.set_label("temperature of the sweep [degC]", fontsize=8)
     if found.causes:
         for coordinate in range(1, coordinates):
             axes[coordinate, -1].remove()
@@ -81,8 +78,17 @@ def _draw_causes(axis: Axes, found: Diagnosis) -> None:
     shown = found.causes[:_MOST_CAUSES][::-1]
     colours = {"named": "C3", "confusable": "C1", "ruled out": "0.45"}
     for row, one in enumerate(shown):
-        axis.barh(row, abs(one.statistic), color=colours.get(one.status, "0.8"), height=0.65)
+        axis.barh(row, _evidence(one), color=colours.get(one.status, "0.8"), height=0.65)
     axis.set_yticks(range(len(shown)), [one.cause.name for one in shown], fontsize=7)
-    axis.set_xlabel("|t| of the strength")
-    axis.set_title("causes: red named, orange not told apart,\ndark ruled out", fontsize=8)
+    axis.set_xlabel("t of the strength")
+    labels = {"named": "named", "confusable": "cannot be told apart", "ruled out": "ruled out"}
+    present = [status for status in labels if any(one.status == status for one in shown)]
+    handles = [Patch(color=colours[status], label=labels[status]) for status in present]
+    handles += [Patch(color="0.8", label="not needed")]
+    axis.legend(handles=handles, fontsize=7, frameon=False, loc="lower right")
     axis.margins(y=0.01)
+
+
+def _evidence(one: CauseReport) -> float:
+    """Size of t; 0 where a strength that cannot be negative came out so."""
+    return max(one.statistic, 0.0) if one.cause.sign > 0 else abs(one.statistic)

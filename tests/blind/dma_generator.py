@@ -1,0 +1,251 @@
+"""Dynamic mechanical analyses with a hidden effect, and a sealed key. Shares no code with the package.
+
+The solid, the effects, their derivatives and the projection are written out here in numpy; frequencies, temperatures,
+times, constants and noise are drawn for each seed. `write` puts a CSV file that a person might have measured in one
+place and what was hidden in another. The strength is set by d': the length of the effect on the data after everything
+that a fit of the fractional Zener solid can imitate is taken off, in standard deviations of the noise.
+
+Seeds 0 to 9999 are for development; tests use `TEST_SEEDS` and above, and no threshold was chosen on those.
+"""
+
+import dataclasses
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+TEST_SEEDS = 10_000
+NOISE = 0.02
+
+
+@dataclasses.dataclass(frozen=True)
+class Measurement:
+    """What is the same for all rows of one simulated measurement, arrays by sweep and frequency."""
+
+    temperature: np.ndarray
+    frequency: np.ndarray
+    constants: np.ndarray
+    clock: np.ndarray
+
+    @property
+    def omega(self) -> np.ndarray:
+        return 2.0 * np.pi * self.frequency
+
+    @property
+    def elapsed(self) -> np.ndarray:
+        """Share of each sweep that has passed."""
+        begun = self.clock.min(axis=1, keepdims=True)
+        return (self.clock - begun) / (self.clock.max(axis=1, keepdims=True) - begun)
+
+
+def draw_measurement(rng: np.random.Generator, *, shuffled: bool = False) -> Measurement:
+    """Liver on its way from raw to cooked: five temperatures, fourteen frequencies."""
+    temperature = np.array([21.0, 35.0, 50.0, 65.0, 80.0]) + rng.uniform(-1.0, 1.0, 5)
+    frequency = np.geomspace(0.1, 200.0, 14) * np.exp(rng.uniform(-0.05, 0.05, 14))
+    relaxed = np.array([1.1e3, 1.1e3, 4.5e3, 3.5e4, 6e4]) * np.exp(rng.normal(0.0, 0.15, 5))
+    branch = np.array([1.5e3, 1.6e3, 1.8e4, 1.3e5, 1.7e5]) * np.exp(rng.normal(0.0, 0.15, 5))
+    time = np.array([0.05, 0.05, 0.02, 0.05, 0.05]) * np.exp(rng.normal(0.0, 0.3, 5))
+    order = np.array([0.5, 0.5, 0.45, 0.4, 0.4]) + rng.uniform(-0.05, 0.05, 5)
+    constants = np.stack([relaxed, branch, time, order], axis=-1)
+    taken = 3.0 + 2.0 / frequency  # seconds to settle, and two cycles
+    clock = np.zeros((5, 14))
+    now = 0.0
+    for sweep in range(5):
+        for index in rng.permutation(14) if shuffled else range(14):
+            now += taken[index]
+            clock[sweep, index] = now
+        now += 300.0  # five minutes to the next temperature
+    return Measurement(temperature, frequency, constants, clock)
+
+
+def solid(constants: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Modulus by sweep and frequency."""
+    relaxed, branch, time, order = (constants[:, index, None] for index in range(4))
+    power = (1j * omega * time) ** order
+    return relaxed + branch * power / (1.0 + power)
+
+
+Effect = Callable[[np.ndarray, Measurement, float], np.ndarray]
+_FRICTION = 4.0 / (3.0 * np.pi)
+
+
+def _place_in_sweep(m: Measurement, place: float) -> float:
+    low, high = m.omega.min(), m.omega.max()
+    return float(np.exp(-(1.0 - place) * np.log(low) - place * np.log(high)))
+
+
+def _mean_modulus(modulus: np.ndarray) -> np.ndarray:
+    return np.exp(np.mean(np.log(np.abs(modulus)), axis=1, keepdims=True))
+
+
+def _resonance(g: np.ndarray, m: Measurement, s: float) -> np.ndarray:
+    x = m.frequency / (1.6 * m.frequency.max())
+    return g + g * s * x**2 / (1.0 - x**2 + 0.1j * x)
+
+
+def _lag(g: np.ndarray, m: Measurement, s: float) -> np.ndarray:
+    earlier = solid(m.constants[[0, 0, 1, 2, 3]], m.omega)
+    weight = s * np.exp(-m.elapsed / 0.35)
+    return g ** (1.0 - weight) * earlier**weight
+
+
+def _second(g: np.ndarray, m: Measurement, s: float) -> np.ndarray:
+    z = 1j * m.omega * _place_in_sweep(m, 0.55)
+    return g + s * _mean_modulus(g) * z / (1.0 + z)
+
+
+def _drainage(g: np.ndarray, m: Measurement, s: float) -> np.ndarray:
+    x = np.sqrt(1j * m.omega * _place_in_sweep(m, 0.9))
+    return g + s * _mean_modulus(g) * (1.0 - np.tanh(x) / x)
+
+
+def _drying(g: np.ndarray, m: Measurement, s: float) -> np.ndarray:
+    pressure = 610.94 * np.exp(17.625 * m.temperature / (243.04 + m.temperature))
+    order = np.argsort(m.clock.ravel())
+    clock, rate = m.clock.ravel()[order], np.repeat(pressure, m.clock.shape[1])[order]
+    lost = np.concatenate([[0.0], np.cumsum(np.diff(clock) * 0.5 * (rate[1:] + rate[:-1]))])
+    placed = np.empty_like(lost)
+    placed[order] = lost / lost[-1]
+    return g * (1.0 + s * placed.reshape(g.shape))
+
+
+EFFECTS: dict[str, Effect] = {
+    "instrument-inertia": lambda g, m, s: g - s * m.omega**2,
+    "frame-resonance": _resonance,
+    "phase-delay": lambda g, m, s: g * np.exp(1j * m.omega * s),
+    "noise-floor": lambda g, m, s: g * np.sqrt(1.0 + s / np.abs(g) ** 2),
+    "slip": lambda g, m, s: g * (1.0 - s * np.abs(g) / np.abs(g).max() * (1.0 - 1j * _FRICTION)),
+    "sweep-drift": lambda g, m, s: g * (1.0 + s * m.elapsed),
+    "drying": _drying,
+    "bath-viscosity": lambda g, m, s: g + 1j * s * m.omega,
+    "temperature-lag": _lag,
+    "second-relaxation": _second,
+    "poroelastic-drainage": _drainage,
+    "strain-nonlinearity": lambda g, m, s: g * (1.0 - s * np.abs(g).min() / np.abs(g) * (1.0 - 1j * _FRICTION)),
+    "clamp-compliance": lambda g, m, s: g / (1.0 + s * g),
+}
+"""Named effects, as a person who knows the physics would write them down."""
+
+SCALES = {
+    "instrument-inertia": 1e-5,
+    "phase-delay": 1e-6,
+    "noise-floor": 1e3,
+    "bath-viscosity": 1e-3,
+    "clamp-compliance": 1e-10,
+}
+"""Small strengths, for derivatives; 1e-4 for the others."""
+
+
+def _bump(m: Measurement, rng: np.random.Generator) -> np.ndarray:
+    centre = rng.uniform(2, 11)
+    shape = np.exp(-0.5 * (np.arange(14) - centre) ** 2)
+    return np.broadcast_to((shape if rng.uniform() < 0.5 else 1j * shape)[None, :], m.clock.shape)
+
+
+def _smooth(m: Measurement, rng: np.random.Generator) -> np.ndarray:
+    x = np.log(m.frequency / m.frequency.min()) / np.log(m.frequency.max() / m.frequency.min())
+    distance = (x[:, None] - x[None, :]) / 0.2
+    root = np.linalg.cholesky(np.exp(-0.5 * distance**2) + 1e-9 * np.eye(14))
+    return np.broadcast_to(
+        (root @ rng.standard_normal(14) + 1j * (root @ rng.standard_normal(14)))[None], m.clock.shape
+    )
+
+
+def _mains(m: Measurement, rng: np.random.Generator) -> np.ndarray:
+    line = (np.abs(np.log(m.frequency / 50.0)) == np.abs(np.log(m.frequency / 50.0)).min()).astype(float)
+    return np.broadcast_to((line * np.exp(1j * rng.uniform(0, 2 * np.pi)))[None, :], m.clock.shape)
+
+
+def _one_temperature(m: Measurement, rng: np.random.Generator) -> np.ndarray:
+    chosen = (np.arange(5) == rng.integers(5)).astype(float)
+    return chosen[:, None] * _smooth(m, rng)
+
+
+UNKNOWN = {"bump": _bump, "smooth": _smooth, "mains": _mains, "one-temperature": _one_temperature}
+"""Changes of the logarithm of the modulus that are in no list."""
+
+
+def draw_noise(kind: str, m: Measurement, rng: np.random.Generator) -> np.ndarray:
+    """Complex noise of the logarithm of the modulus, of standard deviation 1 in each part (but for `loud`)."""
+    shape = (*m.clock.shape, 2)
+    if kind == "tails":
+        parts = rng.standard_t(4, shape) / np.sqrt(2.0)
+    elif kind.startswith("correlated"):
+        rho = float(kind.removeprefix("correlated-"))
+        parts = rng.standard_normal(shape)
+        for index in range(1, shape[1]):
+            parts[:, index] = rho * parts[:, index - 1] + np.sqrt(1.0 - rho**2) * parts[:, index]
+    else:
+        parts = rng.standard_normal(shape)
+    if kind == "loud":
+        parts = parts * np.where(m.frequency > 40.0, 3.0, 1.0)[None, :, None]
+    return parts[..., 0] + 1j * parts[..., 1]
+
+
+def real(values: np.ndarray) -> np.ndarray:
+    """Real and imaginary parts in one vector."""
+    return np.concatenate([values.real.ravel(), values.imag.ravel()])
+
+
+def fitted_directions(m: Measurement) -> np.ndarray:
+    """Derivatives of the logarithm of the modulus in all constants, by central differences."""
+    columns = []
+    for sweep in range(5):
+        for constant in range(4):
+            step = 1e-5 * np.eye(5)[:, [sweep]] * np.eye(4)[[constant]]
+            up, down = (solid(m.constants * (1.0 + sign * step), m.omega) for sign in (1.0, -1.0))
+            columns.append(real(np.log(up / down) / 2e-5))
+    return np.stack(columns, axis=-1)
+
+
+def length_after_projection(m: Measurement, direction: np.ndarray) -> float:
+    """Of a change of the logarithm of the modulus, less what the constants can imitate."""
+    fitted = fitted_directions(m)
+    basis, _ = np.linalg.qr(fitted / np.linalg.norm(fitted, axis=0))
+    vector = real(direction)
+    return float(np.linalg.norm(vector - basis @ (basis.T @ vector)))
+
+
+def hidden(m: Measurement, name: str, d_prime: float, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+    """Logarithm of the modulus with the effect in it, and the strength."""
+    plain = solid(m.constants, m.omega)
+    if name == "none":
+        return np.log(plain), 0.0
+    if name in UNKNOWN:
+        direction = UNKNOWN[name](m, rng)
+        strength = d_prime * NOISE / length_after_projection(m, direction)
+        return np.log(plain) + strength * direction, strength
+    small = SCALES.get(name, 1e-4)
+    slope = np.log(EFFECTS[name](plain, m, small) / EFFECTS[name](plain, m, -small)) / (2.0 * small)
+    strength = d_prime * NOISE / length_after_projection(m, slope)
+    return np.log(EFFECTS[name](plain, m, strength)), strength
+
+
+def write(
+    data: Path,
+    key: Path,
+    *,
+    seed: int,
+    name: str = "none",
+    d_prime: float = 4.5,
+    noise: str = "white",
+    shuffled: bool = False,
+) -> None:
+    """Simulate one measurement; the file in `data` says nothing of what is in `key`."""
+    rng = np.random.default_rng([seed, 20161231])
+    m = draw_measurement(rng, shuffled=shuffled)
+    logarithm, strength = hidden(m, name, d_prime, rng)
+    modulus = np.exp(logarithm + NOISE * draw_noise(noise, m, rng))
+    order = np.argsort(m.clock.ravel())
+    columns = (
+        np.tile(m.frequency, 5),
+        np.repeat(m.temperature, 14),
+        modulus.real.ravel(),
+        modulus.imag.ravel(),
+        m.clock.ravel(),
+    )
+    rows = np.stack(columns, axis=-1)[order]
+    header = "frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa,time_s"
+    np.savetxt(data, rows, delimiter=",", header=header, comments="", fmt="%.10g")
+    key.write_text(json.dumps({"seed": seed, "hidden": name, "strength": strength, "d_prime": d_prime, "noise": noise}))

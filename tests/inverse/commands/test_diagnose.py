@@ -1,0 +1,76 @@
+"""`arfjax diagnose` on the shipped measurement and on files that nobody can use."""
+
+import csv
+import json
+
+import pytest
+
+from inverse.commands.main import run
+from inverse.datasets.shipped import shipped
+from tests.blind import dma_generator as blind
+
+KEYS = "verdict level omnibus causes named confusable not_testable gain seed versions schema_version".split()
+CAUSE_KEYS = "name place p_value statistic estimate interval unit detectability status".split()
+
+
+@pytest.fixture(scope="module")
+def polymer(tmp_path_factory):
+    out = tmp_path_factory.mktemp("polymer")
+    assert run(["diagnose", "--dma", str(shipped("pyvisco_polymer")), "--model", "zener", "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def found(polymer):
+    return json.loads((polymer / "diagnosis.json").read_text())
+
+
+def test_conventional_solid_on_a_real_polymer_lacks_power_law_relaxation(found):
+    assert found["named"] == ["power-law-relaxation"] and found["causes"][0]["name"] == "power-law-relaxation"
+    # Not all: what is left is said without a name.
+    assert found["verdict"] == "unexplained" and "Hz" in found["unexplained"]
+    assert found["gain"]["rmse_after"] < found["gain"]["rmse_before"] / 5.0
+
+
+def test_keys_of_the_interface(found):
+    assert set(KEYS) <= set(found) and found["schema_version"] == 1
+    assert all(set(CAUSE_KEYS) <= set(cause) for cause in found["causes"])
+    assert set(found["omnibus"]) == {"statistic", "p_value"}
+    assert {"split", "rmse_before", "rmse_after", "log_score_gain", "standard_error"} <= set(found["gain"])
+    assert all(set(one) == {"name", "why", "what_would_help"} for one in found["not_testable"])
+
+
+def test_report_and_figure(polymer):
+    report = (polymer / "report.md").read_text()
+    assert "power-law-relaxation" in report and "A gain proves no cause" in report
+    assert "rows are taken for equally long" in report
+    assert (polymer / "diagnosis.png").stat().st_size > 10_000 and (polymer / "diagnosis.pdf").exists()
+
+
+def test_only_the_causes_that_are_asked_for(tmp_path):
+    blind.write(tmp_path / "data.csv", tmp_path / "key.json", seed=blind.TEST_SEEDS + 90)
+    out = tmp_path / "out"
+    asked = ["--causes", "slip, drying", "--level", "0.01", "--seed", "4"]
+    assert run(["diagnose", "--dma", str(tmp_path / "data.csv"), "--out", str(out), *asked]) == 0
+    found = json.loads((out / "diagnosis.json").read_text())
+    assert {cause["name"] for cause in found["causes"]} == {"slip", "drying"}
+    assert found["seed"] == 4 and found["level"] == 0.01 and found["not_testable"] == []
+
+
+def test_unknown_cause(tmp_path, capsys):
+    data = str(shipped("pyvisco_polymer"))
+    assert run(["diagnose", "--dma", data, "--causes", "gremlins", "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "there is no cause 'gremlins'" in said and "sweep-drift" in said and said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_too_few_frequencies(tmp_path, capsys):
+    path = tmp_path / "short.csv"
+    with path.open("w", newline="") as file:
+        rows = [[f, 37.0, 1e4 + 100.0 * f, 2e3] for f in (1.0, 2.0, 4.0)]
+        csv.writer(file).writerows([["frequency_hz", "temperature_c", "storage_modulus_pa", "loss_modulus_pa"], *rows])
+    assert run(["diagnose", "--dma", str(path), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "no sweep has more than 4 frequencies" in said and "measure more" in said and "short.csv" in said
+    assert not (tmp_path / "out").exists()

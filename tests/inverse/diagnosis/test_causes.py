@@ -1,0 +1,104 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from inverse.datasets.dma import read_dma
+from inverse.diagnosis import DMA_CAUSES
+from inverse.diagnosis.cause import Extension, predicted_modulus
+from inverse.diagnosis.dma_problem import dma_problem
+from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
+from tests.blind import dma_generator as blind
+
+REQUIRED = (
+    "instrument-inertia clamp-compliance frame-resonance phase-delay noise-floor slip sweep-drift drying "
+    "bath-viscosity temperature-lag second-relaxation power-law-relaxation poroelastic-drainage strain-nonlinearity"
+).split()
+EVERY = [Extension(cause, shape) for cause in DMA_CAUSES for shape in cause.shapes]
+IDS = [f"{e.cause.name}-{e.shape}" for e in EVERY]
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("dma")
+    blind.write(folder / "data.csv", folder / "key.json", seed=1, shuffled=True)
+    return read_dma(folder / "data.csv")
+
+
+@pytest.fixture(scope="module")
+def problem(measured):
+    return dma_problem(measured, FRACTIONAL)[0]
+
+
+def test_library_holds_the_names_that_users_write():
+    assert [cause.name for cause in DMA_CAUSES] == list(dict.fromkeys(cause.name for cause in DMA_CAUSES))
+    assert set(REQUIRED) <= {cause.name for cause in DMA_CAUSES}
+    for cause in DMA_CAUSES:
+        assert cause.sentence.endswith(".") and cause.helps.endswith(".") and cause.source and cause.unit
+        assert cause.plausible > 0.0 and cause.sign in (0, 1) and ":" in cause.place
+
+
+@pytest.mark.parametrize("extension", EVERY, ids=IDS)
+def test_nothing_at_strength_0_and_something_at_a_plausible_one(problem, extension):
+    constants = jnp.asarray(problem.constants).at[:, 3].set(0.6)
+    plain = predicted_modulus(constants, problem.conditions)
+    null = predicted_modulus(constants, problem.conditions, (extension,), jnp.zeros(1))
+    np.testing.assert_allclose(null, plain, rtol=1e-14)
+    changed = predicted_modulus(constants, problem.conditions, (extension,), jnp.array([extension.cause.plausible]))
+    # Plausible means: up to a few times the modulus, and more than a thousandth of it somewhere.
+    relative = np.abs(np.asarray(changed / plain) - 1.0)
+    assert np.all(np.isfinite(relative)) and 1e-3 < relative.max() < 20.0
+
+
+@pytest.mark.parametrize("extension", EVERY, ids=IDS)
+def test_slope_in_the_strength(problem, extension):
+    constants = jnp.asarray(problem.constants).at[:, 3].set(0.6)
+
+    def logarithm(strength):
+        modulus = predicted_modulus(constants, problem.conditions, (extension,), strength[None])
+        return jnp.concatenate([jnp.log(jnp.abs(modulus)), jnp.angle(modulus)])
+
+    at = jnp.asarray(0.05 * extension.cause.plausible)
+    step = 1e-5 * extension.cause.plausible
+    forward = jax.jvp(logarithm, (at,), (jnp.ones(()),))[1]
+    reverse = jax.jacrev(logarithm)(at)
+    central = (logarithm(at + step) - logarithm(at - step)) / (2.0 * step)
+    largest = float(jnp.max(jnp.abs(forward)))
+    np.testing.assert_allclose(reverse, forward, rtol=1e-10, atol=1e-12 * largest)
+    np.testing.assert_allclose(forward, central, rtol=1e-6, atol=1e-6 * largest)
+
+
+@pytest.mark.parametrize("name", [n for n in blind.EFFECTS if n not in ("frame-resonance", "temperature-lag")])
+def test_direction_is_what_an_independent_code_gives(problem, measured, name):
+    """On the constants of the fit, with sweeps and rows in the package's order; effects with a shape only roughly."""
+    order = [np.argsort(sweep.data.frequency_hz) for sweep in problem.sweeps]
+    clock = np.stack([np.asarray(s.data.time_s)[o] for s, o in zip(problem.sweeps, order, strict=True)])
+    constants = np.array(problem.constants)
+    constants[:, 1] -= constants[:, 0]
+    temperature = np.array([s.temperature_c for s in problem.sweeps])
+    m = blind.Measurement(temperature, problem.sweeps[0].data.frequency_hz, constants, clock)
+    plain, small = blind.solid(constants, m.omega), blind.SCALES.get(name, 1e-4)
+    theirs = np.log(blind.EFFECTS[name](plain, m, small) / blind.EFFECTS[name](plain, m, -small)) / (2.0 * small)
+    theirs = np.stack([theirs.real.ravel(), theirs.imag.ravel()], axis=-1).ravel()
+    ours = [a.directions[:, 0] for a in problem.directions([c for c in DMA_CAUSES if c.name == name])]
+    cosines = [theirs @ one / np.linalg.norm(theirs) / np.linalg.norm(one) for one in ours]
+    assert max(cosines) > 0.99
+    if len(ours) == 1:
+        # Levels are of measured moduli here and of modelled ones there: 2 percent of noise apart at most.
+        np.testing.assert_allclose(ours[0], theirs, rtol=0.1, atol=0.03 * np.abs(theirs).max())
+
+
+def test_compliance_in_series_is_imitated_by_the_constants(problem):
+    from inverse.diagnosis.screening import visibility
+
+    clamp = problem.directions([cause for cause in DMA_CAUSES if cause.name == "clamp-compliance"])[0]
+    assert visibility(clamp.directions, problem.fitted_directions())[0] < 1e-6
+
+
+def test_power_law_is_in_the_fractional_model_and_not_in_the_conventional_one(measured, problem):
+    from inverse.diagnosis.screening import visibility
+
+    cause = [cause for cause in DMA_CAUSES if cause.name == "power-law-relaxation"]
+    assert visibility(problem.directions(cause)[0].directions, problem.fitted_directions())[0] < 1e-6
+    zener = dma_problem(measured, CONVENTIONAL)[0]
+    assert visibility(zener.directions(cause)[0].directions, zener.fitted_directions())[0] > 0.1
