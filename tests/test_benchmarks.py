@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import acoustics, mechanics
+from benchmarks import acoustics, mechanics, protocols
 
 
 @pytest.mark.slow
@@ -33,6 +33,19 @@ def test_benchmark_of_mechanics_runs(tmp_path, monkeypatch):
     assert set(found["push of 0.5 ms"]) == set(found["explicit push of 0.5 ms"]) | {"fzener"}
     assert found["50 Hz"]["error"] < 3e-4 and found["explicit push of 0.5 ms"]["zener"]["error_extrapolated"] < 1e-2
     assert found["large"]["run"]["min_s"] > 0.0 and found["growth at 20 steps"]["unknowns"][0] > 0
+
+
+@pytest.mark.slow
+def test_benchmark_of_the_protocols_runs(tmp_path, monkeypatch):
+    out = tmp_path / "protocols.json"
+    monkeypatch.setattr(sys, "argv", ["protocols", "--quick", "--out", str(out)])
+    protocols.main()
+    found = json.loads(out.read_text())["cases"]
+    assert list(found) == ["stepwise, fast"]
+    times = found["stepwise, fast"]
+    assert times["gradient over run"] == pytest.approx(
+        times["value and gradient"]["median_s"] / times["run"]["median_s"], abs=0.01
+    )
 
 
 @pytest.mark.parametrize("name", ["T1_P50", "T2_P50", "T3_P50", "T1_P150", "T2_P150", "T3_P150"])

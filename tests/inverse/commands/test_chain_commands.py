@@ -189,6 +189,7 @@ def test_calibrate(tmp_path):
     assert table[0].startswith("constant,unit,estimate,standard_error") and len(table) == 1 + 8 + 5
 
 
+@pytest.mark.timeout(1800)
 def test_reproduce(tmp_path):
     assert run(["reproduce", "--out", str(tmp_path)]) == 0
     rows = {row["quantity"]: row for row in summary_of(tmp_path)["results"]["rows"]}
