@@ -96,8 +96,8 @@ def _named(found: Diagnosis) -> list[str]:
             "",
             f"With {names} in the model, differences from data that were left out ({gain.split}) go "
             f"from {100.0 * gain.rmse_before:.3g} to {100.0 * gain.rmse_after:.3g} % (root mean square); the log "
-            f"score rises by {gain.log_score_gain:.3g} ± {gain.standard_error:.2g} nat a datum. A gain proves no cause: "
-            f"wrong ones gain, too, in most cases. The name rests on the tests.",
+            f"score rises by {gain.log_score_gain:.3g} ± {gain.standard_error:.2g} nat a datum. A gain proves no "
+            f"cause: wrong ones gain, too, in most cases. The name rests on the tests.",
             f"{gain.unfinished} of the refits did not converge." if gain.unfinished else "",
             "",
             *_shift(found),

@@ -83,6 +83,11 @@ class Decision:
     left: Evidence | None
     together: bool = False
 
+    @property
+    def left_noise(self) -> int:
+        """The noise member that goes with the model that the verdict ends with."""
+        return self.omnibus.null_noise if self.left is None or not self.named else self.left.null_noise
+
 
 def decide(
     residuals: Float[np.ndarray, " n"],

@@ -4,32 +4,24 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Float
 
 from inverse.datasets.dma import DmaData
 from inverse.diagnosis.cause import DmaCause, Extension
 from inverse.diagnosis.causes import DMA_CAUSES
-from inverse.diagnosis.decision import REPLICATES, Decision, decide
+from inverse.diagnosis.decision import REPLICATES, Decision
 from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
+from inverse.diagnosis.examination import Examined, NotTestable, detectable_strength, examine
 from inverse.diagnosis.extended_fit import ExtendedFit, fit_extended
-from inverse.diagnosis.free_forms import Place, dma_free_forms
 from inverse.diagnosis.gain import Gain, held_out_gain
-from inverse.diagnosis.noise import noise_family
 from inverse.diagnosis.noise_gate import NoiseGate, noise_gate
-from inverse.diagnosis.screening import Alternative, Screen, visibility
+from inverse.diagnosis.screening import Screen, visibility
 from inverse.diagnosis.where import Absorbed, Whiteness, absorbed_by_places, whiteness
 from inverse.dma_fit import FRACTIONAL, ZenerModel
 
 VERDICTS = ("adequate", "named", "confusable", "unexplained", "noise-model", "fit-failure")
-DETECTABLE = 4.5
-"""d' at which an effect counts as detectable: it is found in about 96 of 100 data sets."""
-LEAST_VISIBILITY = 0.02
-"""Part of a cause's effect that the fitted constants must leave, or the data cannot see it."""
 DOMINANT_SHARE, DOMINANT_RATIO = 0.25, 2.0
 """A cause is named although something is left if it leaves at most this part of the sum of squares, and the next best
 cause leaves at least this many times as much."""
-MOST_IMPLAUSIBLE = 10.0
-"""Detectable strength over the plausible one above which the data cannot see the cause either."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,21 +53,6 @@ class CauseReport:
     status: str
     left: float | None
     converged: bool
-
-
-@dataclasses.dataclass(frozen=True)
-class NotTestable:
-    """A cause that these data cannot see.
-
-    Attributes:
-        name: Which.
-        why: In words.
-        what_would_help: The measurement that would show it.
-    """
-
-    name: str
-    why: str
-    what_would_help: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -161,43 +138,34 @@ def diagnose_dma(
 
     on_step("testing all causes")
     rng = np.random.default_rng(seed)
-    residuals, fitted = problem.residuals(), problem.fitted_directions()
-    alternatives = problem.directions(causes)
-    family = noise_family(problem.orderings(), problem.frequencies())
-    free_forms, places = _free_forms(problem)
-    size = float(np.sqrt(np.mean(residuals**2) * len(residuals) / max(len(residuals) - fitted.shape[1], 1)))
-    seen, not_testable = _testable(alternatives, fitted, size, causes)
-    decision = decide(residuals, fitted, seen, free_forms, family, rng, level=level, replicates=replicates)
-
+    examined = examine(problem, causes, rng, level=level, replicates=replicates)
+    decision = _with_dominant(examined)
     verdict, extended, worth = decision.verdict, None, None
-    decision = _with_dominant(decision, problem, causes, residuals, fitted, family)
-    noise_index = decision.omnibus.null_noise if decision.left is None else decision.left.null_noise
-    added = _chosen(decision, causes)
-    start = _linear_strengths(decision, added, residuals, fitted, family)
-    reports = _reports(decision, causes, seen, problem, residuals, fitted, family, size)
-    if decision.named:
+    added = _chosen(examined, decision)
+    noise = examined.family[decision.left_noise]
+    reports = _reports(examined, decision)
+    if added:
         on_step("refitting with " + " and ".join(e.cause.name for e in added))
-        extended = fit_extended(problem, added, family[noise_index], start)
+        extended = fit_extended(problem, added, noise, examined.linear_strengths(added))
         if gain:
             on_step("measuring the gain on data left out")
-            worth = held_out_gain(problem, added, family[noise_index], extended.strengths)
-    directions = [a.directions for a in seen if _is_one_of(a, added)]
-    model_directions = np.concatenate([fitted, *directions], axis=1)
-    left = residuals if extended is None else extended.residuals
-    gate = noise_gate(Screen(model_directions, (), family), left, problem, rng, replicates=replicates)
+            worth = held_out_gain(problem, added, noise, extended.strengths)
+    directions = np.concatenate([examined.fitted, *(examined.direction(one) for one in added)], axis=1)
+    left = examined.residuals if extended is None else extended.residuals
+    gate = noise_gate(Screen(directions, (), examined.family), left, problem, rng, replicates=replicates)
     if verdict == "adequate" and not gate.as_thought:
         verdict = "noise-model"
-    tested = decision.left if decision.left is not None and decision.named else decision.omnibus
+    tested = decision.left if decision.left is not None and added else decision.omnibus
     return Diagnosis(
         verdict=verdict,
         level=level,
         problem=problem,
         decision=decision,
         causes=reports,
-        not_testable=not_testable,
+        not_testable=examined.not_testable,
         noise=gate,
-        residuals_whiteness=whiteness(problem, residuals, fitted, rng),
-        places=absorbed_by_places(tested, places, left, model_directions),
+        residuals_whiteness=whiteness(problem, examined.residuals, examined.fitted, rng),
+        places=absorbed_by_places(tested, examined.places, left, directions),
         extended=extended,
         gain=worth,
         audit=audit,
@@ -205,18 +173,19 @@ def diagnose_dma(
     )
 
 
-def _with_dominant(decision, problem, causes, residuals, fitted, family) -> Decision:
+def _with_dominant(examined: Examined) -> Decision:
     """Name what explains by far the most where no cause explains all.
 
     Only effects far above the noise come here: near it, a cause cannot take three quarters of the residuals away.
     """
+    decision = examined.decision
     if decision.verdict != "unexplained":
         return decision
-    before, after = float(np.sum(residuals**2)), {}
+    before, after = float(np.sum(examined.residuals**2)), {}
     for name in decision.candidates:
-        extension = _extension(name, decision, causes)
-        start = _linear_strengths(decision, (extension,), residuals, fitted, family)
-        refit = fit_extended(problem, (extension,), family[0], start)
+        extension = examined.extension(name)
+        start = examined.linear_strengths((extension,))
+        refit = fit_extended(examined.problem, (extension,), examined.family[0], start)
         after[name] = float(np.sum(refit.residuals**2))
     ranked = sorted(after, key=lambda name: after[name])
     if not ranked or after[ranked[0]] > DOMINANT_SHARE * before:
@@ -238,120 +207,44 @@ def _audit(problem: DmaProblem) -> tuple[str, ...]:
     return tuple(remarks)
 
 
-def _free_forms(problem: DmaProblem) -> tuple[list[Alternative], list[Place]]:
-    coordinates = problem.weights.shape[1]
-    forms, places = dma_free_forms(
-        problem.frequencies(),
-        np.repeat(np.asarray(problem.conditions.temperature), coordinates),
-        np.repeat(np.asarray(problem.conditions.sweep), coordinates),
-        np.tile(np.arange(coordinates), problem.rows),
-        tuple(sweep.label for sweep in problem.sweeps),
-    )
-    weights = problem.weights.ravel()[:, None]
-    return [dataclasses.replace(form, directions=weights * form.directions) for form in forms], places
-
-
-def _testable(
-    alternatives: Sequence[Alternative], fitted: Float[np.ndarray, "n p"], size: float, causes: Sequence[DmaCause]
-) -> tuple[list[Alternative], tuple[NotTestable, ...]]:
-    """Alternatives that the data can see, and why the others cannot be seen."""
-    seen, hidden = [], []
-    for cause in causes:
-        shapes = [a for a in alternatives if a.name == cause.name]
-        visible = [float(visibility(a.directions, fitted)[0]) for a in shapes]
-        detectable = [_detectable(a, v, size) for a, v in zip(shapes, visible, strict=True)]
-        usable = [
-            a
-            for a, v, d in zip(shapes, visible, detectable, strict=True)
-            if v >= LEAST_VISIBILITY and d <= MOST_IMPLAUSIBLE * cause.plausible
-        ]
-        seen += usable
-        if usable:
-            continue
-        best = int(np.argmax(visible))
-        if visible[best] < LEAST_VISIBILITY:
-            why = f"the fitted constants imitate all but {100.0 * visible[best]:.2g} % of its effect"
-        else:
-            why = (
-                f"it would have to be {min(detectable):.2g} {cause.unit} to be seen, "
-                f"where {cause.plausible:.2g} {cause.unit} is plausible"
-            )
-        hidden.append(NotTestable(cause.name, why, cause.helps))
-    return seen, tuple(hidden)
-
-
-def _detectable(alternative: Alternative, visible: float, size: float) -> float:
-    length = float(np.linalg.norm(alternative.directions)) * visible
-    return DETECTABLE * size / max(length, 1e-300)
-
-
-def _chosen(decision: Decision, causes: Sequence[DmaCause]) -> tuple[Extension, ...]:
+def _chosen(examined: Examined, decision: Decision) -> tuple[Extension, ...]:
     """What goes into the model: the best cause, or all of them if they act together."""
     names = decision.named if decision.together else decision.named[:1]
-    return tuple(_extension(name, decision, causes) for name in names)
+    return tuple(examined.extension(name) for name in names)
 
 
-def _extension(name: str, decision: Decision, causes: Sequence[DmaCause]) -> Extension:
-    """The cause of this name in its most probable shape."""
-    cause = next(cause for cause in causes if cause.name == name)
-    row = decision.omnibus.best(name)
-    shape = decision.omnibus.alternatives[row].shape if row is not None else None
-    return Extension(cause, float("nan") if shape is None else shape)
-
-
-def _is_one_of(alternative: Alternative, extensions: Sequence[Extension]) -> bool:
-    return any(
-        extension.cause.name == alternative.name and (alternative.shape is None or alternative.shape == extension.shape)
-        for extension in extensions
-    )
-
-
-def _linear_strengths(decision, extensions, residuals, fitted, family) -> Float[np.ndarray, " extension"]:
-    """Strengths of extensions together in the linearised model."""
-    if not extensions:
-        return np.zeros(0)
-    noise = family[decision.omnibus.noise]
-    tested = decision.omnibus.alternatives
-    columns = [a.directions for extension in extensions for a in tested if _is_one_of(a, (extension,))]
-    white = noise.whiten(np.concatenate([*columns, fitted], axis=1))
-    lengths = np.maximum(np.linalg.norm(white, axis=0), 1e-300)
-    solution = np.linalg.lstsq(white / lengths, noise.whiten(residuals[:, None])[:, 0], rcond=1e-10)[0]
-    return (solution / lengths)[: len(extensions)]
-
-
-def _reports(decision, causes, seen, problem, residuals, fitted, family, size) -> tuple[CauseReport, ...]:
+def _reports(examined: Examined, decision: Decision) -> tuple[CauseReport, ...]:
     """Every cause that the data can see, in rank order."""
-    reports = []
-    names = list(dict.fromkeys(alternative.name for alternative in seen))
-    for name in decision.omnibus.ranked(names):
-        extension = _extension(name, decision, causes)
-        cause, row = extension.cause, decision.omnibus.best(name)
-        alternative = decision.omnibus.alternatives[row]
-        strength = _linear_strengths(decision, (extension,), residuals, fitted, family)
-        statistic = float(decision.omnibus.statistics[row])
-        error = abs(float(strength[0]) / statistic) if statistic else float("inf")
-        estimate, interval, converged = float(strength[0]), _interval(float(strength[0]), error, cause), True
-        if name in decision.candidates:
-            refit = fit_extended(problem, (extension,), family[decision.omnibus.noise], strength)
-            estimate, converged = float(refit.strengths[0]), refit.converged
-            interval = (float(refit.intervals[0, 0]), float(refit.intervals[0, 1]))
-        visible = float(visibility(alternative.directions, fitted)[0])
-        reports.append(
-            CauseReport(
-                cause=cause,
-                shape=alternative.shape,
-                statistic=statistic,
-                p_value=float(decision.omnibus.p_family[row]),
-                p_alone=float(np.exp(decision.omnibus.log_p[row])),
-                estimate=estimate,
-                interval=interval,
-                detectability=_detectable(alternative, visible, size),
-                status=_status(name, decision),
-                left=decision.candidates.get(name),
-                converged=converged,
-            )
-        )
-    return tuple(reports)
+    names = list(dict.fromkeys(alternative.name for alternative in examined.seen))
+    return tuple(_report(examined, decision, name) for name in decision.omnibus.ranked(names))
+
+
+def _report(examined: Examined, decision: Decision, name: str) -> CauseReport:
+    extension, row = examined.extension(name), examined.row(name)
+    strength = examined.linear_strengths((extension,))
+    statistic = float(decision.omnibus.statistics[row])
+    error = abs(float(strength[0]) / statistic) if statistic else float("inf")
+    estimate, interval, converged = float(strength[0]), _interval(float(strength[0]), error, extension.cause), True
+    if name in decision.candidates:
+        noise = examined.family[decision.omnibus.noise]
+        refit = fit_extended(examined.problem, (extension,), noise, strength)
+        estimate, converged = float(refit.strengths[0]), refit.converged
+        interval = (float(refit.intervals[0, 0]), float(refit.intervals[0, 1]))
+    direction = examined.direction(extension)
+    visible = float(visibility(direction, examined.fitted)[0])
+    return CauseReport(
+        cause=extension.cause,
+        shape=examined.alternative(name).shape,
+        statistic=statistic,
+        p_value=float(decision.omnibus.p_family[row]),
+        p_alone=float(np.exp(decision.omnibus.log_p[row])),
+        estimate=estimate,
+        interval=interval,
+        detectability=detectable_strength(examined.alternative(name), visible, examined.size),
+        status=_status(name, decision),
+        left=decision.candidates.get(name),
+        converged=converged,
+    )
 
 
 def _interval(estimate: float, error: float, cause: DmaCause) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Effects hidden by a generator that the diagnosis cannot see into: it gets the file, and the key is opened afterwards."""
+"""Effects hidden by a generator that the diagnosis cannot see into: it gets the file, the key is opened after."""
 
 import json
 

@@ -1,0 +1,171 @@
+"""A data set examined: which causes it can see, and what the tests of all of them say."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from inverse.diagnosis.cause import DmaCause, Extension
+from inverse.diagnosis.decision import REPLICATES, Decision, decide
+from inverse.diagnosis.dma_problem import DmaProblem
+from inverse.diagnosis.free_forms import Place, dma_free_forms
+from inverse.diagnosis.noise import Noise, noise_family
+from inverse.diagnosis.screening import Alternative, visibility
+
+DETECTABLE = 4.5
+"""d' at which an effect counts as detectable: it is found in about 96 of 100 data sets."""
+LEAST_VISIBILITY = 0.02
+"""Part of a cause's effect that the fitted constants must leave, or the data cannot see it."""
+MOST_IMPLAUSIBLE = 10.0
+"""Detectable strength over the plausible one above which the data cannot see the cause either."""
+
+
+@dataclasses.dataclass(frozen=True)
+class NotTestable:
+    """A cause that these data cannot see.
+
+    Attributes:
+        name: Which.
+        why: In words.
+        what_would_help: The measurement that would show it.
+    """
+
+    name: str
+    why: str
+    what_would_help: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Examined:
+    """A data set examined in the linearised model.
+
+    Attributes:
+        problem: The data and the fit.
+        causes: The library.
+        residuals: Measured less predicted, weighted.
+        fitted: Derivatives in the fitted constants.
+        size: Standard deviation of the residuals.
+        seen: Alternatives that the data can see.
+        not_testable: Causes that they cannot see.
+        places: Where the free forms act.
+        family: Noise members.
+        decision: What follows.
+    """
+
+    problem: DmaProblem
+    causes: tuple[DmaCause, ...]
+    residuals: Float[np.ndarray, " n"]
+    fitted: Float[np.ndarray, "n p"]
+    size: float
+    seen: tuple[Alternative, ...]
+    not_testable: tuple[NotTestable, ...]
+    places: tuple[Place, ...]
+    family: tuple[Noise, ...]
+    decision: Decision
+
+    def extension(self, name: str) -> Extension:
+        """The cause of this name in its most probable shape."""
+        cause = next(cause for cause in self.causes if cause.name == name)
+        shape = self.alternative(name).shape
+        return Extension(cause, float("nan") if shape is None else shape)
+
+    def alternative(self, name: str) -> Alternative:
+        """The most probable shape of the cause of this name."""
+        return self.decision.omnibus.alternatives[self.row(name)]
+
+    def row(self, name: str) -> int:
+        """Where the test of everything has the most probable shape of the cause of this name."""
+        row = self.decision.omnibus.best(name)
+        if row is None:
+            raise KeyError(f"these data cannot see {name}")
+        return row
+
+    def direction(self, extension: Extension) -> Float[np.ndarray, "n 1"]:
+        """Derivative of the weighted prediction in the strength of an extension."""
+        return self.alternative(extension.cause.name).directions
+
+    def linear_strengths(self, extensions: Sequence[Extension]) -> Float[np.ndarray, " extension"]:
+        """Strengths of extensions together in the linearised model."""
+        noise = self.family[self.decision.omnibus.noise]
+        columns = [self.direction(extension) for extension in extensions]
+        white = noise.whiten(np.concatenate([*columns, self.fitted], axis=1))
+        lengths = np.maximum(np.linalg.norm(white, axis=0), 1e-300)
+        solution = np.linalg.lstsq(white / lengths, noise.whiten(self.residuals[:, None])[:, 0], rcond=1e-10)[0]
+        return (solution / lengths)[: len(extensions)]
+
+
+def examine(
+    problem: DmaProblem,
+    causes: Sequence[DmaCause],
+    rng: np.random.Generator,
+    *,
+    level: float = 0.05,
+    replicates: int = REPLICATES,
+) -> Examined:
+    """Test every cause and every free form on a fitted data set.
+
+    Args:
+        problem: The data and the fit.
+        causes: The library to look in.
+        rng: For replicates.
+        level: Probability of finding something wrong where nothing is.
+        replicates: Data sets of noise alone that error rates are calibrated on.
+    """
+    residuals, fitted = problem.residuals(), problem.fitted_directions()
+    size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
+    family = noise_family(problem.orderings(), problem.frequencies())
+    free_forms, places = _free_forms(problem)
+    seen, not_testable = _testable(problem.directions(causes), fitted, size, causes)
+    decision = decide(residuals, fitted, seen, free_forms, family, rng, level=level, replicates=replicates)
+    return Examined(
+        problem, tuple(causes), residuals, fitted, size, tuple(seen), not_testable, tuple(places), family, decision
+    )
+
+
+def _free_forms(problem: DmaProblem) -> tuple[list[Alternative], list[Place]]:
+    coordinates = problem.weights.shape[1]
+    forms, places = dma_free_forms(
+        problem.frequencies(),
+        np.repeat(np.asarray(problem.conditions.temperature), coordinates),
+        np.repeat(np.asarray(problem.conditions.sweep), coordinates),
+        np.tile(np.arange(coordinates), problem.rows),
+        tuple(sweep.label for sweep in problem.sweeps),
+    )
+    weights = problem.weights.ravel()[:, None]
+    return [dataclasses.replace(form, directions=weights * form.directions) for form in forms], places
+
+
+def _testable(
+    alternatives: Sequence[Alternative], fitted: Float[np.ndarray, "n p"], size: float, causes: Sequence[DmaCause]
+) -> tuple[list[Alternative], tuple[NotTestable, ...]]:
+    """Alternatives that the data can see, and why the others cannot be seen."""
+    seen, hidden = [], []
+    for cause in causes:
+        shapes = [a for a in alternatives if a.name == cause.name]
+        visible = [float(visibility(a.directions, fitted)[0]) for a in shapes]
+        detectable = [detectable_strength(a, v, size) for a, v in zip(shapes, visible, strict=True)]
+        usable = [
+            a
+            for a, v, d in zip(shapes, visible, detectable, strict=True)
+            if v >= LEAST_VISIBILITY and d <= MOST_IMPLAUSIBLE * cause.plausible
+        ]
+        seen += usable
+        if usable:
+            continue
+        best = int(np.argmax(visible))
+        if visible[best] < LEAST_VISIBILITY:
+            why = f"the fitted constants imitate all but {100.0 * visible[best]:.2g} % of its effect"
+        else:
+            why = (
+                f"it would have to be {min(detectable):.2g} {cause.unit} to be seen, "
+                f"where {cause.plausible:.2g} {cause.unit} is plausible"
+            )
+        hidden.append(NotTestable(cause.name, why, cause.helps))
+    return seen, tuple(hidden)
+
+
+def detectable_strength(alternative: Alternative, visible: float, size: float) -> float:
+    """Strength at which an effect is found in about 96 of 100 data sets."""
+    length = float(np.linalg.norm(alternative.directions)) * visible
+    return DETECTABLE * size / max(length, 1e-300)
