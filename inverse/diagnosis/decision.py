@@ -10,7 +10,7 @@ r"""From statistics to a verdict, at stated error rates, in the linearised model
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -97,6 +97,7 @@ def decide(
     family: Sequence[Noise],
     rng: np.random.Generator,
     *,
+    extend: Callable[[Alternative], tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n q"]]] | None = None,
     level: float = 0.05,
     replicates: int = REPLICATES,
 ) -> Decision:
@@ -109,18 +110,22 @@ def decide(
         free_forms: Corrections of no name.
         family: Noise members, white first.
         rng: For replicates.
+        extend: Refits the model with one cause in full; gives the residuals and the derivatives in everything fitted
+            then. Without it the cause's direction joins the fitted ones.
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that the levels are calibrated on.
     """
     names = list(dict.fromkeys(cause.name for cause in causes))
 
-    def test(extended: Float[np.ndarray, "n q"], remaining: Sequence[Alternative], handicap: float) -> Evidence:
-        screen = Screen(np.concatenate([fitted, extended], axis=1), remaining, family)
+    def test(left, moved, remaining: Sequence[Alternative], handicap: float) -> Evidence:
+        screen = Screen(moved, remaining, family)
         log_handicaps = [0.0 if a.name in names else math.log(handicap) for a in screen.alternatives]
-        return evidence(screen, residuals, rng, np.array(log_handicaps), replicates)
+        return evidence(screen, left, rng, np.array(log_handicaps), replicates)
 
-    nothing = np.zeros((len(residuals), 0))
-    omnibus = test(nothing, [*causes, *free_forms], FREE_FORM_HANDICAP)
+    def linearly(alternative: Alternative):
+        return residuals, np.concatenate([fitted, alternative.directions], axis=1)
+
+    omnibus = test(residuals, fitted, [*causes, *free_forms], FREE_FORM_HANDICAP)
     if omnibus.p_value > level:
         return Decision("adequate", omnibus, {}, (), None)
 
@@ -131,7 +136,8 @@ def decide(
         if row is None or omnibus.log_p[row] > math.log(_WORTH_A_LOOK):
             break
         others = [cause for cause in causes if cause.name != name]
-        tests[(name,)] = test(omnibus.alternatives[row].directions, [*others, *free_forms], 1.0)
+        left, moved = (extend or linearly)(omnibus.alternatives[row])
+        tests[(name,)] = test(left, moved, [*others, *free_forms], 1.0)
         candidates[name] = tests[(name,)].p_value
     if candidates and max(candidates.values()) >= UNEXPLAINED_LEVEL:
         named = tuple(name for name, p in candidates.items() if p >= SET_LEVEL)

@@ -85,6 +85,27 @@ class DmaProblem:
         columns = jacobian[..., :count].reshape(*self.weights.shape, -1)
         return (self.weights[:, :, None] * columns).reshape(self.weights.size, -1)
 
+    def extended_directions(
+        self, constants: Float[np.ndarray, "sweep 4"], extension: Extension, strength: float
+    ) -> Float[np.ndarray, "n p"]:
+        """Derivative of the weighted prediction in all constants and in the strength, anywhere; and in the shape.
+
+        A cause's shape is one of a few values; the difference to the next one stands in for those in between.
+        """
+        count = len(self.model.constants())
+        at = jnp.asarray(constants), jnp.asarray(strength)
+        in_constants, in_strength = _in_everything(*at, self.conditions, extension, self.has_phase)
+        columns = np.asarray(in_constants)[..., :count].reshape(*self.weights.shape, -1)
+        columns = [columns, np.asarray(in_strength)[..., None]]
+        shapes = extension.cause.shapes
+        place = shapes.index(extension.shape) if extension.shape in shapes else -1
+        for neighbour in (place - 1, place + 1) if place >= 0 else ():
+            if 0 <= neighbour < len(shapes):
+                other = Extension(extension.cause, shapes[neighbour])
+                columns.append(np.asarray(_in_everything(*at, self.conditions, other, self.has_phase)[1])[..., None])
+        together = np.concatenate(columns, axis=-1)
+        return (self.weights[:, :, None] * together).reshape(self.weights.size, -1)
+
     def directions(self, causes: Sequence[DmaCause]) -> list[Alternative]:
         """Derivative of the weighted prediction in the strength of every shape of every cause, at strength 0."""
         found = []
@@ -268,6 +289,14 @@ def _predicted(constants, conditions, has_phase):
 @eqx.filter_jit
 def _in_constants(constants, conditions, has_phase):
     return jax.jacfwd(lambda c: predict_coordinates(c, conditions, (), jnp.zeros(0), has_phase))(constants)
+
+
+@eqx.filter_jit
+def _in_everything(constants, strength, conditions, extension, has_phase):
+    def response(constants, strength):
+        return predict_coordinates(constants, conditions, (extension,), strength[None], has_phase)
+
+    return jax.jacfwd(response, argnums=(0, 1))(constants, strength)
 
 
 @eqx.filter_jit

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from inverse.diagnosis.cause import DmaCause, Extension
 from inverse.diagnosis.decision import REPLICATES, Decision, decide
 from inverse.diagnosis.dma_problem import DmaProblem
+from inverse.diagnosis.extended_fit import fit_extended
 from inverse.diagnosis.free_forms import Place, dma_free_forms
 from inverse.diagnosis.noise import Noise, noise_family
 from inverse.diagnosis.screening import Alternative, visibility
@@ -86,13 +87,9 @@ class Examined:
         return self.alternative(extension.cause.name).directions
 
     def linear_strengths(self, extensions: Sequence[Extension]) -> Float[np.ndarray, " extension"]:
-        """Strengths of extensions together in the linearised model."""
-        noise = self.family[self.decision.omnibus.noise]
-        columns = [self.direction(extension) for extension in extensions]
-        white = noise.whiten(np.concatenate([*columns, self.fitted], axis=1))
-        lengths = np.maximum(np.linalg.norm(white, axis=0), 1e-300)
-        solution = np.linalg.lstsq(white / lengths, noise.whiten(self.residuals[:, None])[:, 0], rcond=1e-10)[0]
-        return (solution / lengths)[: len(extensions)]
+        """Strength of each extension by itself in the linearised model: where a refit starts."""
+        alone = [_linear_strength(self.alternative(e.cause.name), self.residuals, self.fitted) for e in extensions]
+        return np.concatenate(alone) if alone else np.zeros(0)
 
 
 def examine(
@@ -117,7 +114,18 @@ def examine(
     family = noise_family(problem.orderings(), problem.frequencies())
     free_forms, places = _free_forms(problem)
     seen, not_testable = _testable(problem.directions(causes), fitted, size, causes)
-    decision = decide(residuals, fitted, seen, free_forms, family, rng, level=level, replicates=replicates)
+    by_name = {cause.name: cause for cause in causes}
+
+    def extend(alternative: Alternative):
+        shape = float("nan") if alternative.shape is None else alternative.shape
+        extension = Extension(by_name[alternative.name], shape)
+        start = _linear_strength(alternative, residuals, fitted)
+        refit = fit_extended(problem, (extension,), family[0], start)
+        return refit.residuals, problem.extended_directions(refit.constants, extension, float(refit.strengths[0]))
+
+    decision = decide(
+        residuals, fitted, seen, free_forms, family, rng, extend=extend, level=level, replicates=replicates
+    )
     return Examined(
         problem, tuple(causes), residuals, fitted, size, tuple(seen), not_testable, tuple(places), family, decision
     )
@@ -169,3 +177,12 @@ def detectable_strength(alternative: Alternative, visible: float, size: float) -
     """Strength at which an effect is found in about 96 of 100 data sets."""
     length = float(np.linalg.norm(alternative.directions)) * visible
     return DETECTABLE * size / max(length, 1e-300)
+
+
+def _linear_strength(
+    alternative: Alternative, residuals: Float[np.ndarray, " n"], fitted: Float[np.ndarray, "n p"]
+) -> Float[np.ndarray, " 1"]:
+    """Strength of one alternative in the linearised model, all residuals weighing the same."""
+    columns = np.concatenate([alternative.directions, fitted], axis=1)
+    lengths = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    return (np.linalg.lstsq(columns / lengths, residuals, rcond=1e-10)[0] / lengths)[:1]

@@ -102,7 +102,7 @@ class Refit:
             Strengths in their plausible scales, then unconstrained constants; whether it converged; and how it ended.
         """
         moved = zip(self.problem.parameters, self.problem.moved, strict=True)
-        free = np.concatenate([np.asarray(unconstrain(parameters, row)) for parameters, row in moved])
+        free = np.concatenate([np.asarray(unconstrain(parameters, jnp.asarray(row))) for parameters, row in moved])
         first = np.concatenate([np.asarray(start) / self._scales, np.clip(free, -_FARTHEST, _FARTHEST)])
         mask = jnp.asarray(np.repeat(used.astype(float), self.problem.weights.shape[1]))
         solution = optimize.least_squares(

@@ -1,7 +1,7 @@
 """Dynamic mechanical analyses with a hidden effect, and a sealed key. Shares no code with the package.
 
-The solid, the effects, their derivatives and the projection are written out here in numpy; frequencies, temperatures,
-times, constants and noise are drawn for each seed. `write` puts a CSV file that a person might have measured in one
+The solid, the effects, their derivatives and the projection are written out here; frequencies, temperatures, times,
+constants and noise are drawn for each seed. `write` puts a CSV file that a person might have measured in one
 place and what was hidden in another. The strength is set by d': the length of the effect on the data after everything
 that a fit of the fractional Zener solid can imitate is taken off, in standard deviations of the noise.
 
@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from scipy import optimize
 
 TEST_SEEDS = 10_000
 NOISE = 0.02
@@ -45,7 +46,7 @@ def draw_measurement(rng: np.random.Generator, *, shuffled: bool = False) -> Mea
     frequency = np.geomspace(0.1, 200.0, 14) * np.exp(rng.uniform(-0.05, 0.05, 14))
     relaxed = np.array([1.1e3, 1.1e3, 4.5e3, 3.5e4, 6e4]) * np.exp(rng.normal(0.0, 0.15, 5))
     branch = np.array([1.5e3, 1.6e3, 1.8e4, 1.3e5, 1.7e5]) * np.exp(rng.normal(0.0, 0.15, 5))
-    time = np.array([0.05, 0.05, 0.02, 0.05, 0.05]) * np.exp(rng.normal(0.0, 0.3, 5))
+    time = np.array([0.01, 0.01, 0.005, 0.01, 0.01]) * np.exp(rng.normal(0.0, 0.3, 5))
     order = np.array([0.5, 0.5, 0.45, 0.4, 0.4]) + rng.uniform(-0.05, 0.05, 5)
     constants = np.stack([relaxed, branch, time, order], axis=-1)
     taken = 3.0 + 2.0 / frequency  # seconds to settle, and two cycles
@@ -55,7 +56,7 @@ def draw_measurement(rng: np.random.Generator, *, shuffled: bool = False) -> Mea
         for index in rng.permutation(14) if shuffled else range(14):
             now += taken[index]
             clock[sweep, index] = now
-        now += 300.0  # five minutes to the next temperature
+        now += 60.0  # to the next temperature
     return Measurement(temperature, frequency, constants, clock)
 
 
@@ -216,9 +217,16 @@ def hidden(m: Measurement, name: str, d_prime: float, rng: np.random.Generator) 
         direction = UNKNOWN[name](m, rng)
         strength = d_prime * NOISE / length_after_projection(m, direction)
         return np.log(plain) + strength * direction, strength
-    small = SCALES.get(name, 1e-4)
-    slope = np.log(EFFECTS[name](plain, m, small) / EFFECTS[name](plain, m, -small)) / (2.0 * small)
-    strength = d_prime * NOISE / length_after_projection(m, slope)
+
+    def excess(logarithm_of_strength: float) -> float:
+        change = np.log(EFFECTS[name](plain, m, np.exp(logarithm_of_strength)) / plain)
+        return np.log(length_after_projection(m, change) / (d_prime * NOISE))
+
+    # Strong effects bend, so that the strength is solved for and not scaled up from a weak one.
+    low = high = np.log(SCALES.get(name, 1e-4))
+    while excess(high) < 0.0:
+        low, high = high, high + 0.5
+    strength = float(np.exp(optimize.brentq(excess, low, high, xtol=1e-6)))
     return np.log(EFFECTS[name](plain, m, strength)), strength
 
 
@@ -246,6 +254,7 @@ def write(
         m.clock.ravel(),
     )
     rows = np.stack(columns, axis=-1)[order]
+    rows = rows[rows[:, 3] > 0.0]  # a person leaves out a loss modulus that noise made negative
     header = "frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa,time_s"
     np.savetxt(data, rows, delimiter=",", header=header, comments="", fmt="%.10g")
     key.write_text(json.dumps({"seed": seed, "hidden": name, "strength": strength, "d_prime": d_prime, "noise": noise}))

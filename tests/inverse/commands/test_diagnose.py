@@ -25,6 +25,7 @@ def found(polymer):
     return json.loads((polymer / "diagnosis.json").read_text())
 
 
+@pytest.mark.slow
 def test_conventional_solid_on_a_real_polymer_lacks_power_law_relaxation(found):
     assert found["named"] == ["power-law-relaxation"] and found["causes"][0]["name"] == "power-law-relaxation"
     # Not all: what is left is said without a name.
@@ -32,6 +33,7 @@ def test_conventional_solid_on_a_real_polymer_lacks_power_law_relaxation(found):
     assert found["gain"]["rmse_after"] < found["gain"]["rmse_before"] / 5.0
 
 
+@pytest.mark.slow
 def test_keys_of_the_interface(found):
     assert set(KEYS) <= set(found) and found["schema_version"] == 1
     assert all(set(CAUSE_KEYS) <= set(cause) for cause in found["causes"])
@@ -40,6 +42,7 @@ def test_keys_of_the_interface(found):
     assert all(set(one) == {"name", "why", "what_would_help"} for one in found["not_testable"])
 
 
+@pytest.mark.slow
 def test_report_and_figure(polymer):
     report = (polymer / "report.md").read_text()
     assert "power-law-relaxation" in report and "A gain proves no cause" in report

@@ -23,6 +23,7 @@ def contains(found, name):
     return name in found.named or any(name in names for names in found.confusable)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TESTABLE)
 def test_a_strong_effect_is_found_and_its_strength_is_covered(tmp_path, name):
     """At d' = 9 detection is certain; the interval of one data set in twenty may miss, of two in a row hardly ever."""
@@ -34,6 +35,14 @@ def test_a_strong_effect_is_found_and_its_strength_is_covered(tmp_path, name):
         covered.append(report.interval[0] <= key["strength"] <= report.interval[1])
         assert key["strength"] / 2.0 < report.estimate < 2.0 * key["strength"]
     assert any(covered) or report.shape is not None
+
+
+@pytest.mark.slow
+def test_viscosity_of_the_bath_comes_first(tmp_path):
+    """Few causes have an effect like it."""
+    found, key = diagnosed(tmp_path, seed=1, name="bath-viscosity", d_prime=9.0)
+    assert contains(found, key["hidden"]) and found.causes[0].cause.name == "bath-viscosity"
+    assert found.causes[0].estimate == pytest.approx(key["strength"], rel=0.5)
 
 
 def test_nothing_hidden_nothing_found(tmp_path):
@@ -49,6 +58,7 @@ def test_a_compliant_clamp_cannot_be_seen_and_is_said_to_be(tmp_path):
     assert "imitate" in hidden["clamp-compliance"].why
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bump", "mains", "one-temperature"])
 def test_an_effect_of_no_name_stays_without(tmp_path, name):
     verdicts = [diagnosed(tmp_path, seed=seed, name=name, d_prime=12.0)[0] for seed in (5, 6)]
@@ -56,12 +66,14 @@ def test_an_effect_of_no_name_stays_without(tmp_path, name):
 
 
 def test_strange_noise_is_called_noise(tmp_path):
-    for seed, noise in enumerate(("correlated-0.6", "loud")):
-        found, _ = diagnosed(tmp_path, seed=20 + seed, noise=noise)
-        assert found.verdict == "noise-model", found.noise
-        assert found.noise is not None and not found.noise.as_thought
+    """Whatever else is found (nothing, in 19 of 20), the gate says so; four sets, of which one may be overlooked."""
+    for noise in ("correlated-0.6", "loud"):
+        found = [diagnosed(tmp_path, seed=20 + seed, noise=noise)[0] for seed in range(4)]
+        assert sum(one.noise is not None and not one.noise.as_thought for one in found) >= 3
+        assert sum(one.verdict == "noise-model" for one in found) >= 2
 
 
+@pytest.mark.slow
 def test_gain_is_measured_on_frequencies_left_out(tmp_path):
     found, _ = diagnosed(tmp_path, seed=7, name="bath-viscosity", d_prime=15.0, gain=True)
     assert found.gain is not None and found.gain.rmse_after < found.gain.rmse_before
@@ -70,6 +82,7 @@ def test_gain_is_measured_on_frequencies_left_out(tmp_path):
     assert found.gain.rmse_after == pytest.approx(blind.NOISE, rel=0.6)
 
 
+@pytest.mark.slow
 def test_same_seed_same_answer(tmp_path):
     first, second = (diagnosed(tmp_path, seed=8, name="slip", d_prime=6.0)[0] for _ in range(2))
     assert first.verdict == second.verdict

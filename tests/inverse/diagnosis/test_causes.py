@@ -82,7 +82,8 @@ def test_direction_is_what_an_independent_code_gives(problem, measured, name):
     theirs = np.stack([theirs.real.ravel(), theirs.imag.ravel()], axis=-1).ravel()
     ours = [a.directions[:, 0] for a in problem.directions([c for c in DMA_CAUSES if c.name == name])]
     cosines = [theirs @ one / np.linalg.norm(theirs) / np.linalg.norm(one) for one in ours]
-    assert max(cosines) > 0.99
+    # Shapes between those of the library are met by the two next to them, but not exactly.
+    assert max(cosines) > (0.999 if len(ours) == 1 else 0.95)
     if len(ours) == 1:
         # Levels are of measured moduli here and of modelled ones there: 2 percent of noise apart at most.
         np.testing.assert_allclose(ours[0], theirs, rtol=0.1, atol=0.03 * np.abs(theirs).max())
