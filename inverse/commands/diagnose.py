@@ -36,7 +36,7 @@ def diagnose_command(
     ),
     causes: Annotated[str, typer.Option(help="Names to look for, by commas; all without.")] = "",
     level: Annotated[
-        float, typer.Option(help="Chance of finding fault with a right model.", min=0.001, max=0.5)
+        float, typer.Option(help="Chance of finding fault with a right model.", min=0.005, max=0.5)
     ] = 0.05,
     seed: Annotated[int, typer.Option(help="Seed of starts and replicates.", min=0)] = 0,
     trust_units: Annotated[bool, typer.Option("--trust-units", help="Believe units that look wrong.")] = False,
@@ -71,7 +71,7 @@ def diagnose_command(
 
 def _library(names: str) -> tuple[DmaCause, ...]:
     """The causes of these names."""
-    wanted = [name.strip() for name in names.split(",") if name.strip()]
+    wanted = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
     known = {cause.name: cause for cause in DMA_CAUSES}
     for name in wanted:
         if name not in known:

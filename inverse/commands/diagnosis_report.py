@@ -60,9 +60,15 @@ def unexplained(found: Diagnosis) -> str | None:
     return describe_correction(found.problem, found.places[0])
 
 
+def _sentence(found: Diagnosis) -> str:
+    if found.verdict == "unexplained" and found.named:
+        return "The model is wrong: one named cause explains most of it, and what is left has no name."
+    return _VERDICTS[found.verdict]
+
+
 def report(found: Diagnosis, name: str, figures: list[str]) -> str:
     """The report in Markdown."""
-    lines = [f"# Diagnosis of {name}", "", f"**{found.verdict}.** {_VERDICTS[found.verdict]}", ""]
+    lines = [f"# Diagnosis of {name}", "", f"**{found.verdict}.** {_sentence(found)}", ""]
     if found.decision is not None:
         lines += [
             f"That noise alone looks as bad: p = {found.decision.omnibus.p_value:.3g} (level {found.level:g}, "

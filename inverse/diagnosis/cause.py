@@ -75,7 +75,8 @@ class DmaCause(eqx.Module):
         unit: Of the strength.
         sign: 1 if the strength cannot be negative, 0 if it may have either sign.
         plausible: Scale of strengths that one would believe; half-normal or normal prior.
-        shapes: Values of a second parameter, each tried in turn; (nan,) for a cause without one.
+        shapes: Values of a second parameter, each tried in turn; (0.0,) for a cause without one.
+        shape_means: What the second parameter is; empty for a cause without one.
         sentence: The physics in one sentence.
         helps: The measurement that would show it where these data cannot.
         source: Where it is described, and where `plausible` comes from.
@@ -89,7 +90,7 @@ class DmaCause(eqx.Module):
     sentence: ClassVar[str]
     helps: ClassVar[str]
     source: ClassVar[str]
-    shapes: ClassVar[tuple[float, ...]] = (float("nan"),)
+    shapes: ClassVar[tuple[float, ...]] = (0.0,)
     shape_means: ClassVar[str] = ""
 
     def material(self, constants: Float[Array, "sweep 4"], strength: Strength) -> Float[Array, "sweep 4"]:
@@ -110,7 +111,7 @@ class Extension(eqx.Module):
 
     Attributes:
         cause: What is added.
-        shape: Value of its second parameter; NaN without one.
+        shape: Value of its second parameter; 0 without one.
     """
 
     cause: DmaCause

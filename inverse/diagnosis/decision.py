@@ -1,11 +1,11 @@
-r"""From statistics to a verdict, at stated error rates, in the linearised model.
+r"""From statistics to a verdict, at stated error rates.
 
 1. *Is anything wrong?* The smallest p-value over all causes and free forms, against the same in replicates of the
    residuals that hold noise alone. A free form has to be `FREE_FORM_HANDICAP` times as improbable as a cause.
 2. *Which cause?* Every cause that could be the one is put into the model, and everything else is tested again: a cause
-   after which nothing is left stays in the set, at `SET_LEVEL`. It is the truth with probability `1 - SET_LEVEL`.
-3. *No cause?* If not even the best leaves the rest inconspicuous at `UNEXPLAINED_LEVEL`, causes are added in pairs; if
-   that does not help either, the verdict is `unexplained`, never the nearest name.
+   after which nothing is left stays in the set: a true one that is tried is left out with probability `SET_LEVEL`.
+3. *No cause?* If not even the best leaves the rest inconspicuous at `UNEXPLAINED_LEVEL`, the verdict is `unexplained`,
+   never the nearest name.
 """
 
 import dataclasses
@@ -65,28 +65,26 @@ class Evidence:
 
 @dataclasses.dataclass(frozen=True)
 class Decision:
-    """What the linearised model says.
+    """What follows.
 
     Attributes:
         verdict: `adequate`, `named`, `confusable` or `unexplained`.
         omnibus: The test of everything at once.
         candidates: For each cause that was put into the model, the p-value of what is left.
-        named: The causes in the set, best first; two if they act together.
-        left: The test of what the best extension leaves, or None if nothing was put in.
-        together: Whether `named` act together rather than being alternatives to each other.
+        named: The causes in the set, best first.
+        tests: For each cause that was put into the model, the test of what is left.
     """
 
     verdict: str
     omnibus: Evidence
     candidates: dict[str, float]
     named: tuple[str, ...]
-    left: Evidence | None
-    together: bool = False
+    tests: dict[str, Evidence]
 
     @property
-    def left_noise(self) -> int:
-        """The noise member that goes with the model that the verdict ends with."""
-        return self.omnibus.null_noise if self.left is None or not self.named else self.left.null_noise
+    def last(self) -> Evidence:
+        """The test of what the model that the verdict ends with leaves."""
+        return self.tests[self.named[0]] if self.named else self.omnibus
 
 
 def decide(
@@ -127,23 +125,23 @@ def decide(
 
     omnibus = test(residuals, fitted, [*causes, *free_forms], FREE_FORM_HANDICAP)
     if omnibus.p_value > level:
-        return Decision("adequate", omnibus, {}, (), None)
+        return Decision("adequate", omnibus, {}, (), {})
 
     candidates: dict[str, float] = {}
-    tests: dict[tuple[str, ...], Evidence] = {}
+    tests: dict[str, Evidence] = {}
     for name in omnibus.ranked(names)[:_CONSIDERED]:
         row = omnibus.best(name)
         if row is None or omnibus.log_p[row] > math.log(_WORTH_A_LOOK):
             break
         others = [cause for cause in causes if cause.name != name]
         left, moved = (extend or linearly)(omnibus.alternatives[row])
-        tests[(name,)] = test(left, moved, [*others, *free_forms], 1.0)
-        candidates[name] = tests[(name,)].p_value
+        tests[name] = test(left, moved, [*others, *free_forms], 1.0)
+        candidates[name] = tests[name].p_value
     if candidates and max(candidates.values()) >= UNEXPLAINED_LEVEL:
         named = tuple(name for name, p in candidates.items() if p >= SET_LEVEL)
         verdict = "named" if len(named) == 1 else "confusable"
-        return Decision(verdict, omnibus, candidates, named, tests[(named[0],)])
-    return Decision("unexplained", omnibus, candidates, (), tests.get(next(iter(tests), ("",))))
+        return Decision(verdict, omnibus, candidates, named, tests)
+    return Decision("unexplained", omnibus, candidates, (), tests)
 
 
 def evidence(

@@ -19,6 +19,8 @@ from inverse.diagnosis.where import Absorbed, Whiteness, absorbed_by_places, whi
 from inverse.dma_fit import FRACTIONAL, ZenerModel
 
 VERDICTS = ("adequate", "named", "confusable", "unexplained", "noise-model", "fit-failure")
+LOWEST_LEVEL = 0.005
+"""Twice the smallest p-value that the default number of replicates can show."""
 DOMINANT_SHARE, DOMINANT_RATIO = 0.25, 2.0
 """A cause is named although something is left if it leaves at most this part of the sum of squares, and the next best
 cause leaves at least this many times as much."""
@@ -127,8 +129,10 @@ def diagnose_dma(
         on_step: Told what is being done.
 
     Raises:
-        ValueError: if no sweep has enough frequencies, or JAX runs in single precision.
+        ValueError: if there are too few data, `level` is out of range, or JAX runs in single precision.
     """
+    if not LOWEST_LEVEL <= level < 1.0:
+        raise ValueError(f"`level` must be from {LOWEST_LEVEL:g} to 1, got {level:g}.")
     on_step("fitting")
     problem, _ = dma_problem(data, model, seed=seed)
     audit = _audit(problem)
@@ -142,7 +146,7 @@ def diagnose_dma(
     decision = _with_dominant(examined)
     verdict, extended, worth = decision.verdict, None, None
     added = _chosen(examined, decision)
-    noise = examined.family[decision.left_noise]
+    noise = examined.family[decision.last.null_noise]
     reports = _reports(examined, decision)
     if added:
         on_step("refitting with " + " and ".join(e.cause.name for e in added))
@@ -150,12 +154,13 @@ def diagnose_dma(
         if gain:
             on_step("measuring the gain on data left out")
             worth = held_out_gain(problem, added, noise, extended.strengths)
-    directions = np.concatenate([examined.fitted, *(examined.direction(one) for one in added)], axis=1)
-    left = examined.residuals if extended is None else extended.residuals
+    directions, left = examined.fitted, examined.residuals
+    if extended is not None:
+        directions = problem.extended_directions(extended.constants, added[0], float(extended.strengths[0]))
+        left = extended.residuals
     gate = noise_gate(Screen(directions, (), examined.family), left, problem, rng, replicates=replicates)
     if verdict == "adequate" and not gate.as_thought:
         verdict = "noise-model"
-    tested = decision.left if decision.left is not None and added else decision.omnibus
     return Diagnosis(
         verdict=verdict,
         level=level,
@@ -165,7 +170,7 @@ def diagnose_dma(
         not_testable=examined.not_testable,
         noise=gate,
         residuals_whiteness=whiteness(problem, examined.residuals, examined.fitted, rng),
-        places=absorbed_by_places(tested, examined.places, left, directions),
+        places=absorbed_by_places(decision.last, examined.places, left, directions),
         extended=extended,
         gain=worth,
         audit=audit,
@@ -208,9 +213,8 @@ def _audit(problem: DmaProblem) -> tuple[str, ...]:
 
 
 def _chosen(examined: Examined, decision: Decision) -> tuple[Extension, ...]:
-    """What goes into the model: the best cause, or all of them if they act together."""
-    names = decision.named if decision.together else decision.named[:1]
-    return tuple(examined.extension(name) for name in names)
+    """What goes into the model: the best of the named causes."""
+    return tuple(examined.extension(name) for name in decision.named[:1])
 
 
 def _reports(examined: Examined, decision: Decision) -> tuple[CauseReport, ...]:
@@ -222,20 +226,19 @@ def _reports(examined: Examined, decision: Decision) -> tuple[CauseReport, ...]:
 def _report(examined: Examined, decision: Decision, name: str) -> CauseReport:
     extension, row = examined.extension(name), examined.row(name)
     strength = examined.linear_strengths((extension,))
-    statistic = float(decision.omnibus.statistics[row])
-    error = abs(float(strength[0]) / statistic) if statistic else float("inf")
+    direction = examined.direction(extension)
+    visible = float(visibility(direction, examined.fitted)[0])
+    error = examined.size / max(float(np.linalg.norm(direction)) * visible, 1e-300)
     estimate, interval, converged = float(strength[0]), _interval(float(strength[0]), error, extension.cause), True
     if name in decision.candidates:
-        noise = examined.family[decision.omnibus.noise]
+        noise = examined.family[decision.tests[name].null_noise]
         refit = fit_extended(examined.problem, (extension,), noise, strength)
         estimate, converged = float(refit.strengths[0]), refit.converged
         interval = (float(refit.intervals[0, 0]), float(refit.intervals[0, 1]))
-    direction = examined.direction(extension)
-    visible = float(visibility(direction, examined.fitted)[0])
     return CauseReport(
         cause=extension.cause,
         shape=examined.alternative(name).shape,
-        statistic=statistic,
+        statistic=float(decision.omnibus.statistics[row]),
         p_value=float(decision.omnibus.p_family[row]),
         p_alone=float(np.exp(decision.omnibus.log_p[row])),
         estimate=estimate,

@@ -18,6 +18,8 @@ from inverse.dma_residuals import LogModulus
 from inverse.parameters import Parameter
 
 _RESIDUAL = LogModulus()
+LEAST_SPARE = 4
+"""Data beyond the number of fitted constants below which nothing is said about the model."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,7 +92,7 @@ class DmaProblem:
     ) -> Float[np.ndarray, "n p"]:
         """Derivative of the weighted prediction in all constants and in the strength, anywhere; and in the shape.
 
-        A cause's shape is one of a few values; the difference to the next one stands in for those in between.
+        A cause's shape is one of a few values; the slopes at the values next to it stand in for those in between.
         """
         count = len(self.model.constants())
         at = jnp.asarray(constants), jnp.asarray(strength)
@@ -113,7 +115,7 @@ class DmaProblem:
         columns = _in_strengths(jnp.asarray(self.constants), self.conditions, tuple(extensions), self.has_phase)
         for extension, column in zip(extensions, np.asarray(columns), strict=True):
             direction = (self.weights * column).reshape(-1, 1)
-            shape = None if np.isnan(extension.shape) else extension.shape
+            shape = extension.shape if extension.cause.shape_means else None
             found.append(Alternative(extension.cause.name, direction, extension.cause.sign, shape))
         return found
 
@@ -160,6 +162,12 @@ def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: in
         )
     fit = fit_sweeps(sweeps, models=(model,), residuals=(_RESIDUAL,), seed=seed, n_starts=n_starts)
     weights, stated = _weights(sweeps)
+    spare = weights.size - needed * len(sweeps)
+    if spare < LEAST_SPARE:
+        raise ValueError(
+            f"{weights.size} numbers for {needed * len(sweeps)} constants leave {spare} to judge the model by; at "
+            f"least {LEAST_SPARE} are needed: measure more frequencies, or the phase."
+        )
     left_out = len(group_sweeps(data)) - len(sweeps)
     if left_out:
         notes = (*notes, f"{left_out} sweeps with too few frequencies for {needed} constants were left out.")

@@ -39,7 +39,7 @@ class NotTestable:
 
 @dataclasses.dataclass(frozen=True)
 class Examined:
-    """A data set examined in the linearised model.
+    """A data set examined: what it can see, and what follows.
 
     Attributes:
         problem: The data and the fit.
@@ -69,7 +69,7 @@ class Examined:
         """The cause of this name in its most probable shape."""
         cause = next(cause for cause in self.causes if cause.name == name)
         shape = self.alternative(name).shape
-        return Extension(cause, float("nan") if shape is None else shape)
+        return Extension(cause, 0.0 if shape is None else shape)
 
     def alternative(self, name: str) -> Alternative:
         """The most probable shape of the cause of this name."""
@@ -117,7 +117,7 @@ def examine(
     by_name = {cause.name: cause for cause in causes}
 
     def extend(alternative: Alternative):
-        shape = float("nan") if alternative.shape is None else alternative.shape
+        shape = 0.0 if alternative.shape is None else alternative.shape
         extension = Extension(by_name[alternative.name], shape)
         start = _linear_strength(alternative, residuals, fitted)
         refit = fit_extended(problem, (extension,), family[0], start)
@@ -162,7 +162,9 @@ def _testable(
         if usable:
             continue
         best = int(np.argmax(visible))
-        if visible[best] < LEAST_VISIBILITY:
+        if not np.any(shapes[best].directions):
+            why = "it has no effect on these data"
+        elif visible[best] < LEAST_VISIBILITY:
             why = f"the fitted constants imitate all but {100.0 * visible[best]:.2g} % of its effect"
         else:
             why = (

@@ -103,12 +103,16 @@ class Refit:
         """
         moved = zip(self.problem.parameters, self.problem.moved, strict=True)
         free = np.concatenate([np.asarray(unconstrain(parameters, jnp.asarray(row))) for parameters, row in moved])
-        first = np.concatenate([np.asarray(start) / self._scales, np.clip(free, -_FARTHEST, _FARTHEST)])
+        one_sided = np.array([extension.cause.sign > 0 for extension in self.extensions], dtype=bool)
+        strengths = np.where(one_sided, np.maximum(start / self._scales, _SMALL), start / self._scales)
+        first = np.concatenate([strengths, np.clip(free, -_FARTHEST, _FARTHEST)])
+        lower = np.concatenate([np.where(one_sided, 0.0, -np.inf), np.full(len(free), -np.inf)])
         mask = jnp.asarray(np.repeat(used.astype(float), self.problem.weights.shape[1]))
         solution = optimize.least_squares(
             lambda u: np.asarray(_white_and_slope(self.white, jnp.asarray(u), mask)[0]),
             first,
             jac=lambda u: np.asarray(_white_and_slope(self.white, jnp.asarray(u), mask)[1]),  # pyright: ignore[reportArgumentType]
+            bounds=(lower, np.inf),
             x_scale="jac",
             ftol=1e-10,
             xtol=1e-8,
@@ -121,6 +125,8 @@ class Refit:
         return np.asarray(_plain(self.white, jnp.asarray(unknowns)))
 
 
+_SMALL = 1e-3
+"""Part of the plausible strength at which one that cannot be negative starts at least."""
 _FARTHEST = 12.0
 """Unconstrained numbers beyond which a constant is at its bound and no derivative would bring it back."""
 

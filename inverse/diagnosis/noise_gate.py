@@ -72,7 +72,8 @@ def noise_gate(
     white = rng.standard_normal((len(residuals), replicates))
     gain, member, left = screen.noise_evidence(np.concatenate([residuals[:, None], white], axis=1))
     kurtosis = stats.kurtosis(left, axis=0)
-    size = float(np.sqrt(np.sum(left[:, 0] ** 2) / screen.freedom))
+    plain = screen.left_of(residuals)
+    size = float(np.sqrt(np.sum(plain**2) / screen.freedom))
     repeats, freedom = _repeats(problem)
     return NoiseGate(
         kind=screen.family[member[0]].describe(),

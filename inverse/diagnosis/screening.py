@@ -83,15 +83,17 @@ class Screen:
 
         Args:
             fitted: Derivative of the prediction in the fitted parameters, one column each.
-            alternatives: What to test for; those of which the fitted parameters leave nothing are left out.
+            alternatives: What to test for; those of which the fitted parameters leave nothing, and those
+                with as many directions as there are data to spare, are left out.
             family: Noise members, white first.
         """
         self._fitted = independent(fitted)
         self.freedom = self._fitted.shape[0] - self._fitted.shape[1]
         self.family = tuple(family)
         ranks = [_visible_rank(alternative.directions, self._fitted) for alternative in alternatives]
-        self.alternatives = tuple(a for a, rank in zip(alternatives, ranks, strict=True) if rank)
-        self._ranks = [rank for rank in ranks if rank]
+        usable = [0 < rank < self.freedom - 1 for rank in ranks]
+        self.alternatives = tuple(a for a, use in zip(alternatives, usable, strict=True) if use)
+        self._ranks = [rank for rank, use in zip(ranks, usable, strict=True) if use]
         self._single = np.array([a.directions.shape[1] == 1 for a in self.alternatives], dtype=bool)
         self._two_sided = np.array([a.sign == 0 for a in self.alternatives if a.directions.shape[1] == 1], dtype=bool)
         self._prepared = [self._prepare(noise) for noise in self.family]
@@ -147,6 +149,10 @@ class Screen:
             kept = np.where(better[None, :], left, kept)
         return best - first, member, kept
 
+    def left_of(self, residuals: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Residuals without what the fitted parameters could take, all weighing the same."""
+        return _project_out(residuals[:, None], self._fitted)[:, 0]
+
     def replicate(
         self, residuals: Float[np.ndarray, " n"], noise: int, count: int, rng: np.random.Generator
     ) -> Float[np.ndarray, "n count"]:
@@ -163,10 +169,6 @@ class Screen:
     def projected(self, noise: int = 0) -> Float[np.ndarray, "n single"]:
         """Unit directions of the single alternatives, fitted parameters projected out, in white coordinates."""
         return self._prepared[noise].singles
-
-    def lengths(self, noise: int = 0) -> Float[np.ndarray, " single"]:
-        """Lengths of the projected directions before they were made unit vectors: d' for unit strength and noise."""
-        return np.exp(0.5 * self._prepared[noise].log_single)
 
     def _prepare(self, noise: Noise) -> _Prepared:
         fitted, triangle = np.linalg.qr(noise.whiten(self._fitted))

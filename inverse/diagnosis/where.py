@@ -87,7 +87,8 @@ def _onset(problem: DmaProblem, relative: Float[np.ndarray, " row"]) -> str:
     sizes = [np.max(np.abs(relative[np.asarray(problem.conditions.sweep) == i])) for i in range(len(problem.sweeps))]
     large = [s.temperature_c for s, size in zip(problem.sweeps, sizes, strict=True) if size >= 0.5 * max(sizes)]
     lowest = min(s.temperature_c for s in problem.sweeps)
-    return f", from {min(large):.0f} degC on" if min(large) > lowest else ""
+    above = [s.temperature_c for s in problem.sweeps if s.temperature_c >= min(large)]
+    return f", from {min(large):.0f} degC on" if min(large) > lowest and 1 < len(above) == len(large) else ""
 
 
 def whiteness(
@@ -108,7 +109,10 @@ def whiteness(
     shaped = (batch / np.sqrt(np.mean(batch**2, axis=0))).reshape(*problem.weights.shape, -1)
     frequency = np.asarray(problem.conditions.angular_frequency)
     sweep, time = np.asarray(problem.conditions.sweep), np.asarray(problem.conditions.time)
-    rounded = np.round(np.log(frequency), 3)
+    samples = [problem.sweeps[index].sample for index in sweep]
+    _, rounded = np.unique(np.round(np.log(frequency), 3), return_inverse=True)
+    _, sample = np.unique(samples, return_inverse=True)
+    rounded = rounded + (1 + rounded.max()) * sample
     found = []
     for along, keys, position in (
         ("frequency", sweep, frequency),
@@ -120,6 +124,8 @@ def whiteness(
             rows = np.flatnonzero(keys == key)
             ordered = shaped[rows[np.argsort(position[rows], kind="stable")]]
             products.append((ordered[1:] * ordered[:-1]).reshape(-1, shaped.shape[-1]))
+        if not any(len(part) for part in products):
+            continue
         correlation = np.mean(np.concatenate(products), axis=0)
         centred = np.abs(correlation - np.mean(correlation[1:]))
         p_value = (1.0 + np.sum(centred[1:] >= centred[0])) / len(centred)

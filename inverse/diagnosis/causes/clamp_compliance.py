@@ -18,8 +18,7 @@ class ClampCompliance(DmaCause):
         "A second sample of half the thickness: a compliance in series maps a fractional Zener solid onto another one."
     )
     source = (
-        "Placet et al., Rheol. Acta (2007), from memory; scale: a clamp of 2.5e8 N/m on a 20 x 20 x 10 mm sample, "
-        "assumed"
+        "Placet et al., Rheol. Acta (2007), from memory; scale: a clamp of 4e5 N/m on a 20 x 20 x 10 mm sample, assumed"
     )
 
     def measured(

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from inverse.datasets.dma import read_dma
+from inverse.datasets.dma import dma_data, read_dma
 from inverse.diagnosis import diagnose_dma
 from tests.blind import dma_generator as blind
 
@@ -49,6 +49,26 @@ def test_nothing_hidden_nothing_found(tmp_path):
     """Four data sets at level 5 %: three or more false alarms have a probability of 5e-4."""
     verdicts = [diagnosed(tmp_path, seed=seed)[0].verdict for seed in range(4)]
     assert sum(verdict == "adequate" for verdict in verdicts) >= 2
+
+
+@pytest.mark.parametrize(("rows", "phase"), [(7, True), (6, True), (9, False)])
+def test_a_single_short_sweep_of_nothing_is_adequate(rows, phase):
+    """Fewer data than the free forms have terms."""
+    m = blind.draw_measurement(np.random.default_rng(4))
+    noise = blind.draw_noise("white", m, np.random.default_rng(5))
+    modulus = (blind.solid(m.constants, m.omega) * np.exp(blind.NOISE * noise))[2, :rows]
+    values = np.stack([modulus.real, modulus.imag], axis=-1) if phase else np.abs(modulus)
+    found = diagnose_dma(dma_data(m.frequency[:rows], np.full(rows, 50.0), values), gain=False)
+    assert found.verdict == "adequate"
+    assert all(np.isfinite(one.p_value) for one in found.causes)
+
+
+def test_a_level_that_replicates_cannot_show_is_refused():
+    m = blind.draw_measurement(np.random.default_rng(4))
+    modulus = np.abs(blind.solid(m.constants, m.omega))
+    data = dma_data(np.tile(m.frequency, 5), np.repeat(m.temperature, 14), modulus.ravel())
+    with pytest.raises(ValueError, match="`level` must be from 0.005"):
+        diagnose_dma(data, level=0.001)
 
 
 def test_a_compliant_clamp_cannot_be_seen_and_is_said_to_be(tmp_path):
