@@ -41,7 +41,7 @@ def diagnosis_figure(found: Diagnosis) -> Figure:
             _draw_residuals(axis, problem, _FACTORS[coordinate] * shaped[:, coordinate], scale)
             axis.set_ylim(-limits[coordinate], limits[coordinate])
             if column == 0:
-                axis.set_ylabel(("magnitude off by [%]", "phase off by [mrad]")[coordinate])
+                axis.set_ylabel(_LABELS[coordinate])
         axes[0, column].set_title(title, fontsize=9)
         axes[-1, column].set_xlabel("frequency [Hz]")
     bar = figure.colorbar(ScalarMappable(scale, "viridis"), ax=axes[:, : len(stages)], pad=0.01, aspect=35)
