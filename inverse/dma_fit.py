@@ -16,7 +16,8 @@ from arfjax import FractionalZener, Zener, complex_modulus
 from inverse.datasets.dma import DmaData, Sweep
 from inverse.dma_residuals import LinearModulus, LogModulus, ModulusResidual, Observations
 from inverse.least_squares import MultiStart, multi_start
-from inverse.parameters import Interval, LogInterval, Parameter, Positive, constrain, unconstrain
+from inverse.parameters import Parameter, constrain, unconstrain
+from inverse.transforms import Interval, LogInterval, Positive
 from inverse.uncertainty import Uncertainty, assess
 
 _BEYOND_WINDOW = 1e6

@@ -28,7 +28,8 @@ from arfjax import Discretisation, Exponential, InputError, Linear, Model, Norma
 from inverse.datasets.hmi import HmiData
 from inverse.hmi_model import plan_sweeps, predict
 from inverse.least_squares import Descent, descend
-from inverse.parameters import Parameter, Positive, constrain
+from inverse.parameters import Parameter, constrain
+from inverse.transforms import Positive
 from inverse.uncertainty import delta_method
 
 INFORMED_BELOW = 0.9

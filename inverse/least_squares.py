@@ -1,6 +1,6 @@
 """Least squares from many starts: Levenberg-Marquardt (optimistix), all starts in one batch.
 
-The solver takes no bounds: keep parameters inside theirs with the transforms of `inverse.parameters`.
+The solver takes no bounds: keep parameters inside theirs with those of `inverse.transforms`.
 """
 
 import dataclasses

@@ -15,8 +15,9 @@ from jaxtyping import Array, Float
 from arfjax import InputError
 from inverse.datasets.thermometry import ThermometryData
 from inverse.least_squares import STATUS, Descent, MultiStart, descend
-from inverse.parameters import Interval, LogInterval, Parameter, Positive, constrain, unconstrain
+from inverse.parameters import Parameter, constrain, unconstrain
 from inverse.thermometry_model import CONSTANTS, GaussianHeating, temperature_rise
+from inverse.transforms import Interval, LogInterval, Positive
 from inverse.uncertainty import Uncertainty, assess
 
 STRONG_CORRELATION = 0.95

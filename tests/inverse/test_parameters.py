@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from inverse.parameters import Identity, Interval, LogInterval, Parameter, Positive, constrain, unconstrain
+from inverse.parameters import Parameter, constrain, unconstrain
+from inverse.transforms import Identity, Interval, LogInterval, Positive
 
 TRANSFORMS = [Identity(), Positive(), Positive(3e9), Interval(0.0, 1.0), Interval(-4.0, 7.0), LogInterval(1e-9, 1e6)]
 U = np.linspace(-6.0, 6.0, 25)

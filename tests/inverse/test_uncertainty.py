@@ -4,7 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from inverse.parameters import Identity, Parameter
+from inverse.parameters import Parameter
+from inverse.transforms import Identity
 from inverse.uncertainty import assess, delta_method
 
 X = np.linspace(1.0, 2.0, 40)

@@ -1,0 +1,188 @@
+r"""An inference problem: a model, the parameters that are free in it, and what was measured of it.
+
+Several measurements of one model share its constants: DMA and HMI of one liver are one problem with two measurements,
+in which the sweeps inform the constants that the curve alone leaves open.
+
+All functions are pure in the flat vector u of unconstrained numbers, so that they can be compiled, batched and
+differentiated. Two objectives are kept apart:
+
+- `log_density` is the posterior density of u, with the derivative of the transforms: what samplers explore.
+- `cost` is what fits minimise: minus log likelihood plus half the squares of the priors' penalties. Its minimum does
+  not depend on the transforms; without priors it is the maximum of the likelihood.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from arfjax.errors import InputError
+from inverse.inference.noise import NoiseModel, Series
+from inverse.inference.parameter_set import Entry, ParameterSet, Single, Varying
+
+Predict = Callable[[Any], Float[Array, " n"]]
+
+
+class Measurement(eqx.Module):
+    """What was measured, how a model predicts it, and how it scatters.
+
+    Attributes:
+        name: Short, an identifier: noise parameters stand at `noise.<name>.<field>`.
+        predict: Prediction of every datum from a model; pure.
+        measured: The data, in `unit`.
+        series: Neighbours, coordinate and groups of the data.
+        noise: How they scatter.
+        unit: Of the data.
+    """
+
+    name: str = eqx.field(static=True)
+    predict: Predict = eqx.field(static=True)
+    measured: Float[Array, " n"] | Float[np.ndarray, " n"]
+    series: Series
+    noise: NoiseModel
+    unit: str = eqx.field(static=True, default="1")
+
+    def __check_init__(self) -> None:
+        """Refuse names that no place can hold."""
+        if not self.name.isidentifier():
+            raise InputError(f"a measurement's name must be an identifier such as `dma`, got `{self.name}`.")
+
+
+class State(eqx.Module):
+    """Everything that parameters can stand in.
+
+    Attributes:
+        model: What is simulated: places begin with `model.`.
+        noise: Noise of each measurement by its name: places begin with `noise.<name>.`.
+    """
+
+    model: Any
+    noise: dict[str, NoiseModel]
+
+
+class Problem(eqx.Module):
+    """A model, what is free in it, and what was measured of it.
+
+    Attributes:
+        parameters: What is free.
+        model: The model, with what is not free at its value.
+        measurements: What was measured.
+    """
+
+    parameters: ParameterSet
+    model: Any
+    measurements: tuple[Measurement, ...]
+
+    def __check_init__(self) -> None:
+        """Refuse two measurements of one name, and parameters without a place."""
+        names = [measurement.name for measurement in self.measurements]
+        if len(set(names)) < len(names):
+            raise InputError(f"measurements need different names, got {', '.join(names)}.")
+
+    @property
+    def state(self) -> State:
+        """The model and the noise, before any parameter is put in."""
+        return State(self.model, {measurement.name: measurement.noise for measurement in self.measurements})
+
+    @property
+    def start(self) -> Float[Array, " n"]:
+        """Unconstrained numbers of what stands in the model."""
+        return self.parameters.start(self.state)
+
+    @property
+    def is_least_squares(self) -> bool:
+        """Whether the cost is a sum of squares: normal noise of given size, and priors that are normal or flat."""
+        noise_is_free = any(entry.parameter.place.startswith("noise.") for entry in self.parameters.entries)
+        normal = all(measurement.noise.is_normal for measurement in self.measurements)
+        fixed = all(_is_fixed(measurement.noise) for measurement in self.measurements)
+        plain = all(isinstance(entry, Single) for entry in self.parameters.entries)
+        return normal and fixed and plain and not noise_is_free
+
+    def values(self, u: Float[Array, " n"]) -> Float[Array, " m"]:
+        """Values of the parameters, in their units."""
+        return self.parameters.values(u)
+
+    def state_at(self, u: Float[Array, " n"]) -> State:
+        """Model and noise with the parameters put in."""
+        return self.parameters.write(self.state, u)
+
+    def predictions(self, u: Float[Array, " n"]) -> dict[str, Float[Array, " n"]]:
+        """What each measurement should show, by name."""
+        model = self.state_at(u).model
+        return {measurement.name: measurement.predict(model) for measurement in self.measurements}
+
+    def log_likelihood(self, u: Float[Array, " n"]) -> Float[Array, ""]:
+        """Logarithm of the density of all data."""
+        state = self.state_at(u)
+        total = jnp.zeros(())
+        for measurement in self.measurements:
+            noise, prediction = state.noise[measurement.name], measurement.predict(state.model)
+            total = total + noise.log_likelihood(jnp.asarray(measurement.measured), prediction, measurement.series)
+        return total
+
+    def log_prior(self, u: Float[Array, " n"]) -> Float[Array, ""]:
+        """Logarithm of the prior density of u."""
+        return self.parameters.log_prior(u)
+
+    def log_density(self, u: Float[Array, " n"]) -> Float[Array, ""]:
+        """Logarithm of the posterior density of u, but for a constant; minus infinity where it is not a number."""
+        total = self.log_prior(u) + self.log_likelihood(u)
+        return jnp.where(jnp.isfinite(total), total, -jnp.inf)
+
+    def penalties(self, u: Float[Array, " n"]) -> Float[Array, " n"]:
+        """What priors add to the residuals: distances from their centres in standard deviations."""
+        parts = [_penalty(entry, part) for entry, part in zip(self.parameters.entries, self._split(u), strict=True)]
+        return jnp.concatenate(parts) if parts else jnp.zeros(0)
+
+    def cost(self, u: Float[Array, " n"]) -> Float[Array, ""]:
+        """What fits minimise [nats]."""
+        return 0.5 * jnp.sum(self.penalties(u) ** 2) - self.log_likelihood(u)
+
+    def data_residuals(self, u: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Independent residuals of all data in standard deviations, of normal noise."""
+        state = self.state_at(u)
+        return jnp.concatenate(
+            [
+                state.noise[each.name].residuals(jnp.asarray(each.measured), each.predict(state.model), each.series)
+                for each in self.measurements
+            ]
+        )
+
+    def residuals(self, u: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Residuals of the data, then penalties of the priors: half their squares is the cost but for a constant."""
+        return jnp.concatenate([self.data_residuals(u), self.penalties(u)])
+
+    def draw_data(self, key: PRNGKeyArray, u: Float[Array, " n"]) -> "Problem":
+        """The same problem with data drawn as the parameters u would make them."""
+        state = self.state_at(u)
+        drawn = []
+        for measurement, each in zip(self.measurements, jax.random.split(key, len(self.measurements)), strict=True):
+            noise, prediction = state.noise[measurement.name], measurement.predict(state.model)
+            data = noise.draw(each, prediction, measurement.series)
+            drawn.append(eqx.tree_at(lambda old: old.measured, measurement, data))
+        return eqx.tree_at(lambda problem: problem.measurements, self, tuple(drawn))
+
+    def with_parameters(self, parameters: ParameterSet) -> "Problem":
+        """The same model and data with other parameters free."""
+        return Problem(parameters, self.model, self.measurements)
+
+    def _split(self, u: Float[Array, " n"]) -> list[Float[Array, " part"]]:
+        return self.parameters.split(u)
+
+
+def _penalty(entry: Entry, u: Float[Array, " n"]) -> Float[Array, " k"]:
+    if isinstance(entry, Varying):
+        spread = entry.spread.penalty(entry.values(u)[1])
+        return jnp.concatenate([_penalty(Single(entry.parameter), u[:1]), jnp.atleast_1d(spread), u[2:]])
+    prior = entry.parameter.prior
+    return jnp.zeros(0) if prior is None else jnp.atleast_1d(jnp.asarray(prior.penalty(entry.values(u)[0])))
+
+
+def _is_fixed(noise: NoiseModel) -> bool:
+    """Whether deviations do not depend on the prediction, so that their logarithms are a constant."""
+    relative = noise.relative
+    return NoiseModel._is_zero(relative) and not noise.normalised
