@@ -65,8 +65,12 @@ class Entry(eqx.Module):
         """Unconstrained numbers of what stands in a tree."""
 
     @abc.abstractmethod
-    def write(self, tree: Any, u: Float[Array, " n"]) -> Any:
-        """The tree with these numbers in it."""
+    def write(self, tree: Any, values: Float[Array, " m"]) -> Any:
+        """The tree with these values in it."""
+
+    @abc.abstractmethod
+    def penalty(self, values: Float[Array, " m"]) -> Float[Array, " k"]:
+        """What the priors add to the residuals of a fit, see `Prior.penalty`."""
 
     @abc.abstractmethod
     def ends(self, u: Float[np.ndarray, " n"]) -> list[str | None]:
@@ -125,11 +129,17 @@ class Single(Entry):
         standing = 1.0 if self.parameter.relative else places.read(tree, self.parameter.place)
         return jnp.atleast_1d(jnp.asarray(self.parameter.transform.inverse(standing)))
 
-    def write(self, tree: Any, u: Float[Array, " n"]) -> Any:
+    def write(self, tree: Any, values: Float[Array, " m"]) -> Any:
         """The value in its place."""
-        value = self.values(u)
-        value = value[0] if self._count == 1 else value
+        value = values[0] if self._count == 1 else values
         return places.write(tree, self.parameter.place, value, relative=self.parameter.relative)
+
+    def penalty(self, values: Float[Array, " m"]) -> Float[Array, " k"]:
+        """The prior's, if there is one."""
+        if self.parameter.prior is None:
+            return jnp.zeros(0)
+        value = values[0] if self._count == 1 else values
+        return jnp.atleast_1d(jnp.asarray(self.parameter.prior.penalty(value)))
 
     def ends(self, u: Float[np.ndarray, " n"]) -> list[str | None]:
         """The transform's."""
@@ -216,11 +226,19 @@ class Varying(Entry):
         log_width = jnp.asarray(Positive(self.spread.sd).inverse(width))
         return jnp.concatenate([jnp.stack([middle, log_width]), (coordinates - middle) / width])
 
-    def write(self, tree: Any, u: Float[Array, " n"]) -> Any:
+    def write(self, tree: Any, values: Float[Array, " m"]) -> Any:
         """Every group's value in its place."""
-        for group, value in enumerate(self.values(u)[2:]):
-            tree = places.write(tree, self._place(group), value, relative=self.parameter.relative)
+        for group in range(len(self.groups)):
+            tree = places.write(tree, self._place(group), values[2 + group], relative=self.parameter.relative)
         return tree
+
+    def penalty(self, values: Float[Array, " m"]) -> Float[Array, " k"]:
+        """Of the middle, of the spread, and of every group's distance from the middle."""
+        transform = self.parameter.transform
+        middle = jnp.asarray(transform.inverse(values[0]))
+        distance = (jax.vmap(lambda value: jnp.asarray(transform.inverse(value)))(values[2:]) - middle) / values[1]
+        spread = jnp.atleast_1d(jnp.asarray(self.spread.penalty(values[1])))
+        return jnp.concatenate([Single(self.parameter).penalty(values[:1]), spread, distance])
 
     def ends(self, u: Float[np.ndarray, " n"]) -> list[str | None]:
         """Those of the middle and of the groups."""
@@ -268,6 +286,11 @@ class ParameterSet(eqx.Module):
         return tuple(column for entry in self.entries for column in entry.columns)
 
     @property
+    def is_plain(self) -> bool:
+        """Whether every entry is one number, so that values and unconstrained numbers go one to one."""
+        return all(isinstance(entry, Single) and entry.size == len(entry.columns) == 1 for entry in self.entries)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Name of each value."""
         return tuple(name for name, _, _ in self.columns)
@@ -307,11 +330,23 @@ class ParameterSet(eqx.Module):
         """The flat vector of what stands in a tree."""
         return jnp.concatenate([entry.start(tree) for entry in self.entries])
 
-    def write(self, tree: Any, u: Float[Array, " n"]) -> Any:
+    def write(self, tree: Any, values: Float[Array, " m"]) -> Any:
         """The tree with all values in their places."""
-        for entry, part in zip(self.entries, self.split(u), strict=True):
+        for entry, part in zip(self.entries, self._split_values(values), strict=True):
             tree = entry.write(tree, part)
         return tree
+
+    def penalties(self, values: Float[Array, " m"]) -> Float[Array, " k"]:
+        """What all priors add to the residuals of a fit."""
+        parts = zip(self.entries, self._split_values(values), strict=True)
+        return jnp.concatenate([entry.penalty(part) for entry, part in parts])
+
+    def _split_values(self, values: Float[Array, " m"]) -> list[Float[Array, " part"]]:
+        counts = [len(entry.columns) for entry in self.entries]
+        if values.shape != (sum(counts),):
+            raise ValueError(f"these parameters have {sum(counts)} values, got shape {values.shape}.")
+        ends = np.cumsum(counts)
+        return [values[end - count : end] for count, end in zip(counts, ends, strict=True)]
 
     def ends(self, u: Float[np.ndarray, " n"]) -> list[str | None]:
         """For each value, the end of its range at which it lies, or None."""

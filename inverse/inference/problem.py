@@ -22,7 +22,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from arfjax.errors import InputError
 from inverse.inference.noise import NoiseModel, Series
-from inverse.inference.parameter_set import Entry, ParameterSet, Single, Varying
+from inverse.inference.parameter_set import ParameterSet
 
 Predict = Callable[[Any], Float[Array, " n"]]
 
@@ -99,30 +99,33 @@ class Problem(eqx.Module):
         noise_is_free = any(entry.parameter.place.startswith("noise.") for entry in self.parameters.entries)
         normal = all(measurement.noise.is_normal for measurement in self.measurements)
         fixed = all(_is_fixed(measurement.noise) for measurement in self.measurements)
-        plain = all(isinstance(entry, Single) for entry in self.parameters.entries)
-        return normal and fixed and plain and not noise_is_free
+        return normal and fixed and not noise_is_free
 
     def values(self, u: Float[Array, " n"]) -> Float[Array, " m"]:
         """Values of the parameters, in their units."""
         return self.parameters.values(u)
 
-    def state_at(self, u: Float[Array, " n"]) -> State:
+    def state_of(self, values: Float[Array, " m"]) -> State:
         """Model and noise with the parameters put in."""
-        return self.parameters.write(self.state, u)
+        return self.parameters.write(self.state, values)
 
-    def predictions(self, u: Float[Array, " n"]) -> dict[str, Float[Array, " n"]]:
+    def predictions(self, values: Float[Array, " m"]) -> dict[str, Float[Array, " n"]]:
         """What each measurement should show, by name."""
-        model = self.state_at(u).model
+        model = self.state_of(values).model
         return {measurement.name: measurement.predict(model) for measurement in self.measurements}
 
-    def log_likelihood(self, u: Float[Array, " n"]) -> Float[Array, ""]:
+    def log_likelihood_of(self, values: Float[Array, " m"]) -> Float[Array, ""]:
         """Logarithm of the density of all data."""
-        state = self.state_at(u)
+        state = self.state_of(values)
         total = jnp.zeros(())
         for measurement in self.measurements:
             noise, prediction = state.noise[measurement.name], measurement.predict(state.model)
             total = total + noise.log_likelihood(jnp.asarray(measurement.measured), prediction, measurement.series)
         return total
+
+    def log_likelihood(self, u: Float[Array, " n"]) -> Float[Array, ""]:
+        """Logarithm of the density of all data."""
+        return self.log_likelihood_of(self.values(u))
 
     def log_prior(self, u: Float[Array, " n"]) -> Float[Array, ""]:
         """Logarithm of the prior density of u."""
@@ -133,18 +136,17 @@ class Problem(eqx.Module):
         total = self.log_prior(u) + self.log_likelihood(u)
         return jnp.where(jnp.isfinite(total), total, -jnp.inf)
 
-    def penalties(self, u: Float[Array, " n"]) -> Float[Array, " n"]:
-        """What priors add to the residuals: distances from their centres in standard deviations."""
-        parts = [_penalty(entry, part) for entry, part in zip(self.parameters.entries, self._split(u), strict=True)]
-        return jnp.concatenate(parts) if parts else jnp.zeros(0)
+    def cost_of(self, values: Float[Array, " m"]) -> Float[Array, ""]:
+        """What fits minimise [nats]."""
+        return 0.5 * jnp.sum(self.parameters.penalties(values) ** 2) - self.log_likelihood_of(values)
 
     def cost(self, u: Float[Array, " n"]) -> Float[Array, ""]:
         """What fits minimise [nats]."""
-        return 0.5 * jnp.sum(self.penalties(u) ** 2) - self.log_likelihood(u)
+        return self.cost_of(self.values(u))
 
-    def data_residuals(self, u: Float[Array, " n"]) -> Float[Array, " n"]:
+    def data_residuals_of(self, values: Float[Array, " m"]) -> Float[Array, " n"]:
         """Independent residuals of all data in standard deviations, of normal noise."""
-        state = self.state_at(u)
+        state = self.state_of(values)
         return jnp.concatenate(
             [
                 state.noise[each.name].residuals(jnp.asarray(each.measured), each.predict(state.model), each.series)
@@ -152,13 +154,17 @@ class Problem(eqx.Module):
             ]
         )
 
-    def residuals(self, u: Float[Array, " n"]) -> Float[Array, " n"]:
+    def residuals_of(self, values: Float[Array, " m"]) -> Float[Array, " n"]:
         """Residuals of the data, then penalties of the priors: half their squares is the cost but for a constant."""
-        return jnp.concatenate([self.data_residuals(u), self.penalties(u)])
+        return jnp.concatenate([self.data_residuals_of(values), self.parameters.penalties(values)])
+
+    def residuals(self, u: Float[Array, " n"]) -> Float[Array, " n"]:
+        """As `residuals_of`."""
+        return self.residuals_of(self.values(u))
 
     def draw_data(self, key: PRNGKeyArray, u: Float[Array, " n"]) -> "Problem":
         """The same problem with data drawn as the parameters u would make them."""
-        state = self.state_at(u)
+        state = self.state_of(self.values(u))
         drawn = []
         for measurement, each in zip(self.measurements, jax.random.split(key, len(self.measurements)), strict=True):
             noise, prediction = state.noise[measurement.name], measurement.predict(state.model)
@@ -169,17 +175,6 @@ class Problem(eqx.Module):
     def with_parameters(self, parameters: ParameterSet) -> "Problem":
         """The same model and data with other parameters free."""
         return Problem(parameters, self.model, self.measurements)
-
-    def _split(self, u: Float[Array, " n"]) -> list[Float[Array, " part"]]:
-        return self.parameters.split(u)
-
-
-def _penalty(entry: Entry, u: Float[Array, " n"]) -> Float[Array, " k"]:
-    if isinstance(entry, Varying):
-        spread = entry.spread.penalty(entry.values(u)[1])
-        return jnp.concatenate([_penalty(Single(entry.parameter), u[:1]), jnp.atleast_1d(spread), u[2:]])
-    prior = entry.parameter.prior
-    return jnp.zeros(0) if prior is None else jnp.atleast_1d(jnp.asarray(prior.penalty(entry.values(u)[0])))
 
 
 def _is_fixed(noise: NoiseModel) -> bool:
