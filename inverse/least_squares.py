@@ -50,7 +50,8 @@ class MultiStart(eqx.Module):
     def agree(self) -> Bool[Array, " start"]:
         """Which starts reached the lowest cost, but for a millionth of it."""
         costs = jnp.asarray(self.costs)
-        return costs <= jnp.min(costs) * (1.0 + _SAME_COST) + _NO_COST
+        lowest = jnp.min(costs)
+        return costs <= lowest + _SAME_COST * jnp.abs(lowest) + _NO_COST
 
     @property
     def best(self) -> Int[Array, ""]:
@@ -83,6 +84,7 @@ def multi_start(
     rtol: float = 1e-8,
     atol: float = 1e-8,
     max_steps: int = 500,
+    dogleg: bool = False,
 ) -> MultiStart:
     """Minimise half the sum of squares of `residual(u, args)` from every row of `starts`.
 
@@ -96,11 +98,12 @@ def multi_start(
         rtol: Relative change of parameters and cost at which a start has converged.
         atol: Absolute change of parameters and cost at which a start has converged.
         max_steps: Steps after which a start is stopped.
+        dogleg: Powell's dogleg instead of Levenberg's and Marquardt's damping.
 
     Returns:
         What every start reached, in the order of `starts`.
     """
-    plain = optx.LevenbergMarquardt(rtol=rtol, atol=atol)
+    plain = optx.Dogleg(rtol=rtol, atol=atol) if dogleg else optx.LevenbergMarquardt(rtol=rtol, atol=atol)
     solver = eqx.tree_at(lambda method: method.search, plain, _TRUST_REGION)
 
     def solve(start):

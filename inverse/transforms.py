@@ -44,6 +44,11 @@ class Transform(eqx.Module):
         """How many values `forward` gives; a scalar's is one."""
         return 1
 
+    @property
+    @abc.abstractmethod
+    def bounds(self) -> tuple[Scalar, Scalar]:
+        """Lowest and highest value; infinite where there is none."""
+
     @abc.abstractmethod
     def end(self, unconstrained: Number) -> str | None:
         """The end of the range at which the value lies ("lower" or "upper"), or None inside."""
@@ -63,6 +68,11 @@ class Identity(Transform):
     def log_derivative(self, unconstrained: Number) -> Number:
         """Zero."""
         return jnp.zeros_like(jnp.asarray(unconstrained, dtype=float))
+
+    @property
+    def bounds(self) -> tuple[Scalar, Scalar]:
+        """None."""
+        return -math.inf, math.inf
 
     def end(self, unconstrained: Number) -> str | None:
         """No range, no end."""
@@ -86,6 +96,11 @@ class Positive(Transform):
         """Logarithm of the value."""
         return jnp.log(self.scale) + unconstrained
 
+    @property
+    def bounds(self) -> tuple[Scalar, Scalar]:
+        """Zero, and none."""
+        return 0.0, math.inf
+
     def end(self, unconstrained: Number) -> str | None:
         """Lower below a millionth of the scale, upper above a million times it."""
         return _end(float(unconstrained), math.log(1e6))
@@ -108,6 +123,11 @@ class Interval(Transform):
     def log_derivative(self, unconstrained: Number) -> Number:
         """Logarithm of width times slope of the logistic function."""
         return jnp.log(self.upper - self.lower) - jax.nn.softplus(unconstrained) - jax.nn.softplus(-unconstrained)
+
+    @property
+    def bounds(self) -> tuple[Scalar, Scalar]:
+        """Both."""
+        return self.lower, self.upper
 
     def end(self, unconstrained: Number) -> str | None:
         """Within a millionth of the width from a bound."""
@@ -135,6 +155,11 @@ class LogInterval(Transform):
     def log_derivative(self, unconstrained: Number) -> Number:
         """Chain rule of exponential and interval."""
         return self._logarithm.forward(unconstrained) + self._logarithm.log_derivative(unconstrained)
+
+    @property
+    def bounds(self) -> tuple[Scalar, Scalar]:
+        """Both."""
+        return self.lower, self.upper
 
     def end(self, unconstrained: Number) -> str | None:
         """Within two percent of the logarithmic width from a bound: there the bound, not the data, sets the value."""
@@ -180,6 +205,11 @@ class Simplex(Transform):
         logits = jnp.asarray(unconstrained) + self._shift
         left = jnp.concatenate([jnp.zeros(1), jnp.cumsum(-jax.nn.softplus(logits))[:-1]])
         return jnp.sum(left - jax.nn.softplus(logits) - jax.nn.softplus(-logits))
+
+    @property
+    def bounds(self) -> tuple[Scalar, Scalar]:
+        """Of each share."""
+        return 0.0, 1.0
 
     def end(self, unconstrained: Number) -> str | None:
         """The end at which the first piece lies that has come to one."""

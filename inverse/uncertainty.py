@@ -129,13 +129,13 @@ def _not_identified(parameters, values, errors, ends, free) -> dict[str, str]:
     for parameter, value, error, end, unfelt in zip(parameters, values, errors, ends, free, strict=True):
         name = parameter.name
         shown = f"{value:.3g} {parameter.unit}" if parameter.unit != "1" else f"{value:.3g}"
-        if unfelt:
-            sentences[name] = f"{name} is not fixed by these data: it has no effect on any of them at {shown}."
-        elif end is not None:
+        if end is not None:
             sentences[name] = (
                 f"{name} is not fixed by these data: the fit ran to the {end} end of its range ({shown}), "
                 f"so its value is a bound, not an estimate."
             )
+        elif unfelt:
+            sentences[name] = f"{name} is not fixed by these data: it has no effect on any of them at {shown}."
         elif not error <= LARGEST_LOG_ERROR * abs(value):
             ratio = error / abs(value) if value else math.inf
             sentences[name] = (

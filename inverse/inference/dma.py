@@ -23,7 +23,7 @@ from inverse.inference.problem import Measurement, Problem
 from inverse.parameters import Parameter
 from inverse.priors import ASSUMED, LogNormal, LogUniform, Prior, Uniform
 
-SolidAt = Callable[[Any, int, float], Solid]
+SolidAt = Callable[[Any, int, Scalar], Solid]
 """The solid of a model for the sweep of a number at a temperature [degC]."""
 
 FIRST_DEVIATION = 0.02
@@ -64,17 +64,42 @@ class Samples(eqx.Module):
     solids: tuple[ZenerConstants, ...]
 
 
-def of_samples(model: Samples, sweep: int, temperature: float) -> Solid:
+def of_samples(model: Samples, sweep: int, temperature: Scalar) -> Solid:
     """The solid of a sweep."""
     return model.solids[sweep].solid
 
 
-def of_liver(model: Model, sweep: int, temperature: float) -> Solid:
+def of_liver(model: Model, sweep: int, temperature: Scalar) -> Solid:
     """Liver at the sweep's temperature [degC]: what DMA and HMI of one organ share."""
     law = model.liver.viscoelasticity
     if law is None:
         raise InputError("the model's liver has no viscoelastic constants, which sweeps could inform.")
     return law(temperature)
+
+
+class SweepPrediction(eqx.Module):
+    """What sweeps should show: all log moduli, then all phases [rad] where they were measured.
+
+    Attributes:
+        angular_frequencies: Of each sweep [rad/s].
+        temperatures: Of each sweep [degC].
+        solid_at: Finds the solid in the model.
+        has_phase: Whether phases were measured.
+    """
+
+    angular_frequencies: tuple[Float[Array, " point"], ...]
+    temperatures: tuple[Float[Array, ""], ...]
+    solid_at: SolidAt = eqx.field(static=True)
+    has_phase: bool = eqx.field(static=True)
+
+    def __call__(self, model: Any) -> Float[Array, " n"]:
+        """For every datum."""
+        moduli = [
+            complex_modulus(self.solid_at(model, index, temperature), omega)
+            for index, (omega, temperature) in enumerate(zip(self.angular_frequencies, self.temperatures, strict=True))
+        ]
+        both = jnp.concatenate([_COORDINATES.coordinates(modulus, self.has_phase) for modulus in moduli])
+        return jnp.concatenate([both[:, 0], both[:, 1]]) if self.has_phase else both[:, 0]
 
 
 def dma_measurement(
@@ -100,17 +125,12 @@ def dma_measurement(
         raise InputError("some sweeps have storage and loss modulus and some only a magnitude: split the file in two.")
     has_phase = phases.pop()
     lengths = [len(sweep.data) for sweep in sweeps]
-    omegas = [jnp.asarray(2.0 * np.pi * sweep.data.frequency_hz) for sweep in sweeps]
-    temperatures = [sweep.temperature_c for sweep in sweeps]
-
-    def predict(model: Any) -> Float[Array, " n"]:
-        parts = [
-            _COORDINATES.coordinates(complex_modulus(solid_at(model, index, temperature), omega), has_phase)
-            for index, (omega, temperature) in enumerate(zip(omegas, temperatures, strict=True))
-        ]
-        both = jnp.concatenate(parts)
-        return jnp.concatenate([both[:, 0], both[:, 1]]) if has_phase else both[:, 0]
-
+    predict = SweepPrediction(
+        tuple(jnp.asarray(2.0 * np.pi * sweep.data.frequency_hz) for sweep in sweeps),
+        tuple(jnp.asarray(sweep.temperature_c) for sweep in sweeps),
+        solid_at,
+        has_phase,
+    )
     observed = np.concatenate([_COORDINATES.observations(s.data, len(s.data)).observed for s in sweeps])
     measured = np.concatenate([observed[:, 0], observed[:, 1]]) if has_phase else observed[:, 0]
     frequency = np.concatenate([sweep.data.frequency_hz for sweep in sweeps])

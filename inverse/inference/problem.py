@@ -18,6 +18,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from arfjax.errors import InputError
@@ -32,7 +33,8 @@ class Measurement(eqx.Module):
 
     Attributes:
         name: Short, an identifier: noise parameters stand at `noise.<name>.<field>`.
-        predict: Prediction of every datum from a model; pure.
+        predict: Prediction of every datum from a model; pure. A pytree whose arrays are leaves is compiled once for all
+            data of one shape.
         measured: The data, in `unit`.
         series: Neighbours, coordinate and groups of the data.
         noise: How they scatter.
@@ -40,7 +42,7 @@ class Measurement(eqx.Module):
     """
 
     name: str = eqx.field(static=True)
-    predict: Predict = eqx.field(static=True)
+    predict: Predict
     measured: Float[Array, " n"] | Float[np.ndarray, " n"]
     series: Series
     noise: NoiseModel
@@ -144,7 +146,7 @@ class Problem(eqx.Module):
         """What fits minimise [nats]."""
         return self.cost_of(self.values(u))
 
-    def data_residuals_of(self, values: Float[Array, " m"]) -> Float[Array, " n"]:
+    def data_residuals_of(self, values: Float[Array, " m"]) -> Float[Array, " residual"]:
         """Independent residuals of all data in standard deviations, of normal noise."""
         state = self.state_of(values)
         return jnp.concatenate(
@@ -154,11 +156,11 @@ class Problem(eqx.Module):
             ]
         )
 
-    def residuals_of(self, values: Float[Array, " m"]) -> Float[Array, " n"]:
+    def residuals_of(self, values: Float[Array, " m"]) -> Float[Array, " residual"]:
         """Residuals of the data, then penalties of the priors: half their squares is the cost but for a constant."""
         return jnp.concatenate([self.data_residuals_of(values), self.parameters.penalties(values)])
 
-    def residuals(self, u: Float[Array, " n"]) -> Float[Array, " n"]:
+    def residuals(self, u: Float[Array, " n"]) -> Float[Array, " residual"]:
         """As `residuals_of`."""
         return self.residuals_of(self.values(u))
 
@@ -179,5 +181,4 @@ class Problem(eqx.Module):
 
 def _is_fixed(noise: NoiseModel) -> bool:
     """Whether deviations do not depend on the prediction, so that their logarithms are a constant."""
-    relative = noise.relative
-    return NoiseModel._is_zero(relative) and not noise.normalised
+    return not isinstance(noise.relative, Tracer) and float(noise.relative) == 0.0 and not noise.normalised

@@ -1,0 +1,259 @@
+r"""What the data determine and what they leave open, from the Fisher information.
+
+The information of the data alone is taken in coordinates in which one unit is a large change: the logarithm of
+positive constants, a value over the width of its range, or over the spread of its prior. A direction along which the
+standard deviation exceeds one is *free*: the data do not fix it to a factor of e. Where constants take part in a free
+direction, products of their powers stay fixed along it, and those are what the data do determine:
+
+    branch_modulus x relaxation_time^0.275 is determined to 0.4 %, branch_modulus and relaxation_time are not.
+
+An exponent that equals another constant of the fit, here and where that constant is changed, is written by its name.
+"""
+
+import dataclasses
+import itertools
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from inverse.inference.fit import root_of_curvature
+from inverse.inference.problem import Problem
+from inverse.priors import Normal
+from inverse.transforms import Interval, LogInterval, Positive
+
+FREE = 1.0
+"""Standard deviation of a logarithm, or of a fraction of a range, above which a direction counts as free."""
+
+_TAKES_PART = 0.05
+"""Share of a free direction's largest component below which a constant does not take part in it."""
+_SAME_EXPONENT = 0.02
+_CHANGE = 0.1
+"""Fraction by which a constant is changed to see whether an exponent follows it."""
+_DETERMINED = 0.3
+"""Relative error up to which a combination is called determined."""
+_ALONE = 0.98
+"""Share of a constant's own axis in the free directions above which it is free by itself."""
+_EPSILON = 1e-9
+
+
+@dataclasses.dataclass(frozen=True)
+class Combination:
+    """A product of powers of constants that the data determine although they leave its constants open.
+
+    Attributes:
+        powers: Exponent of each constant by its name.
+        text: It, written out.
+        relative_error: Standard deviation of its logarithm [1].
+    """
+
+    powers: dict[str, float]
+    text: str
+    relative_error: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Identification:
+    """What the data determine.
+
+    Attributes:
+        names: Of the values, in their order.
+        eigenvalues: Of the Fisher information in the coordinates above, largest first.
+        directions: Its eigenvectors, one a row.
+        condition_number: Largest over smallest eigenvalue; infinite where the smallest is not above zero.
+        rank: Number of directions that are not free.
+        combinations: What is determined of the constants of a single free direction.
+        sentences: All of it in words.
+    """
+
+    names: tuple[str, ...]
+    eigenvalues: Float[np.ndarray, " n"]
+    directions: Float[np.ndarray, "n n"]
+    condition_number: float
+    rank: int
+    combinations: tuple[Combination, ...]
+    sentences: tuple[str, ...]
+
+    @property
+    def free(self) -> Float[np.ndarray, "free n"]:
+        """Free directions, one a row, in the coordinates above."""
+        return self.directions[self.rank :]
+
+
+def identify(problem: Problem, values: Float[np.ndarray, " m"]) -> Identification:
+    """What the data, without the priors, determine near some values.
+
+    Args:
+        problem: The data and the parameters.
+        values: Of the parameters, such as those of a fit.
+
+    Accuracy: first order in the change of the constants. Expected information for normal noise of given size, the
+        curvature of the likelihood elsewhere.
+    """
+    names = problem.parameters.names
+    eigenvalues, directions = _spectrum(problem, values)
+    rank = int(np.sum(eigenvalues > FREE**-2))
+    smallest = float(eigenvalues[-1])
+    condition = float(eigenvalues[0]) / smallest if smallest > 0.0 else math.inf
+    combinations = _combinations(problem, values, eigenvalues, directions, rank)
+    return Identification(
+        names=names,
+        eigenvalues=eigenvalues,
+        directions=directions,
+        condition_number=condition,
+        rank=rank,
+        combinations=combinations,
+        sentences=tuple(_sentences(names, directions[rank:], combinations)),
+    )
+
+
+def _spectrum(
+    problem: Problem, values: Float[np.ndarray, " m"]
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m m"]]:
+    """Eigenvalues and eigenvectors (rows) of the information, largest first."""
+    scale = _scales(problem, values)
+    at = jnp.asarray(values)
+    if problem.is_least_squares:
+        jacobian = np.asarray(_data_jacobian(problem, at)) * scale[None, :]
+    else:
+        jacobian = root_of_curvature(np.asarray(_data_curvature(problem, at)), values) * scale[None, :]
+    _, singular, directions = np.linalg.svd(jacobian, full_matrices=True)
+    eigenvalues = np.zeros(len(values))
+    eigenvalues[: len(singular)] = singular[: len(values)] ** 2
+    return eigenvalues, directions
+
+
+@eqx.filter_jit
+def _data_jacobian(problem: Problem, values):
+    return jax.jacfwd(problem.data_residuals_of)(values)
+
+
+@eqx.filter_jit
+def _data_curvature(problem: Problem, values):
+    return jax.hessian(lambda each: -problem.log_likelihood_of(each))(values)
+
+
+def _scales(problem: Problem, values: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+    """A large change of each value."""
+    scales = []
+    at = 0
+    for entry in problem.parameters.entries:
+        transform, prior = entry.parameter.transform, entry.parameter.prior
+        for value in values[at : at + len(entry.columns)]:
+            if isinstance(transform, Positive | LogInterval):
+                scales.append(abs(float(value)))
+            elif isinstance(transform, Interval):
+                scales.append(float(transform.upper - transform.lower))
+            elif isinstance(prior, Normal):
+                scales.append(float(prior.sd))
+            else:
+                scales.append(max(abs(float(value)), _EPSILON))
+        at += len(entry.columns)
+    return np.maximum(np.array(scales), 1e-300)
+
+
+def _combinations(
+    problem: Problem,
+    values: Float[np.ndarray, " m"],
+    eigenvalues: Float[np.ndarray, " m"],
+    directions: Float[np.ndarray, "m m"],
+    rank: int,
+) -> tuple[Combination, ...]:
+    """Products of powers that a free direction of several constants leaves alone.
+
+    Constants that are free by themselves are set aside first; with several directions left there is no telling which
+    products to write.
+    """
+    _, left = _set_aside(directions[rank:])
+    if len(left) != 1:
+        return ()
+    direction = left[0]
+    names, logarithmic = problem.parameters.names, _logarithmic(problem)
+    part = [k for k in np.argsort(-np.abs(direction)) if abs(direction[k]) > _TAKES_PART * np.abs(direction).max()]
+    part = [int(k) for k in part if logarithmic[k]]
+    if len(part) < 2:
+        return ()
+    anchor, found = part[0], []
+    for other in part[1:]:
+        powers = np.zeros(len(values))
+        # Along the direction the logarithm of the first falls by what the second gains.
+        powers[other], powers[anchor] = 1.0, -direction[other] / direction[anchor]
+        determined = directions[:rank] @ powers
+        error = float(np.sqrt(np.sum(determined**2 / eigenvalues[:rank])))
+        exponent = _named_exponent(problem, values, other, anchor, float(powers[anchor]))
+        if error > _DETERMINED:
+            continue
+        text = f"{names[other]} {'×' if powers[anchor] > 0 else '/'} {names[anchor]}^{exponent}"
+        found.append(Combination({names[other]: 1.0, names[anchor]: float(powers[anchor])}, text, error))
+    return tuple(found)
+
+
+def _logarithmic(problem: Problem) -> list[bool]:
+    return [
+        isinstance(entry.parameter.transform, Positive | LogInterval)
+        for entry in problem.parameters.entries
+        for _ in entry.columns
+    ]
+
+
+def _named_exponent(problem: Problem, values: Float[np.ndarray, " m"], other: int, anchor: int, exponent: float) -> str:
+    """The name of the constant that the exponent equals wherever that constant is moved, or the number."""
+    units = [unit for _, unit, _ in problem.parameters.columns]
+    for place, (unit, value) in enumerate(zip(units, values, strict=True)):
+        if unit != "1" or place in (other, anchor) or abs(abs(exponent) - value) > _SAME_EXPONENT * abs(value):
+            continue
+        moved = values.copy()
+        moved[place] *= 1.0 - _CHANGE
+        eigenvalues, directions = _spectrum(problem, moved)
+        _, left = _set_aside(directions[int(np.sum(eigenvalues > FREE**-2)) :])
+        if len(left) != 1:
+            continue
+        there = abs(left[0][other] / left[0][anchor])
+        if abs(there - moved[place]) < _SAME_EXPONENT * abs(moved[place]):
+            return problem.parameters.names[place]
+    return f"{abs(exponent):.3g}"
+
+
+def _set_aside(free: Float[np.ndarray, "free n"]) -> tuple[list[int], Float[np.ndarray, "left n"]]:
+    """Constants that are free by themselves, and what the free directions hold besides."""
+    alone = [int(k) for k in np.flatnonzero(np.linalg.norm(free, axis=0) > _ALONE)]
+    rest = free.copy()
+    rest[:, alone] = 0.0
+    _, singular, directions = np.linalg.svd(rest, full_matrices=False)
+    return alone, directions[singular > _ALONE / 2.0]
+
+
+def _sentences(
+    names: tuple[str, ...], free: Float[np.ndarray, "free n"], combinations: tuple[Combination, ...]
+) -> list[str]:
+    alone, left = _set_aside(free)
+    sentences = [
+        f"{names[k]} is not determined by these data: it can change by more than a factor of e, or of its whole range."
+        for k in alone
+    ]
+    if combinations:
+        told = "; ".join(f"{one.text} is determined to {_percent(one.relative_error)}" for one in combinations)
+        members = dict.fromkeys(itertools.chain.from_iterable(one.powers for one in combinations))
+        return [
+            *sentences,
+            f"Only a combination is determined by these data: {told}. {_listed(members)} are not, each by itself.",
+        ]
+    for direction in left:
+        largest = np.abs(direction).max()
+        members = [names[k] for k in np.argsort(-np.abs(direction)) if abs(direction[k]) > _TAKES_PART * largest]
+        sentences.append(
+            f"{_listed(members)} can change together by more than a factor of e: the fit stays all but the same."
+        )
+    return sentences
+
+
+def _listed(names) -> str:
+    names = list(names)
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _percent(fraction: float) -> str:
+    return f"{100.0 * fraction:.2g} %"

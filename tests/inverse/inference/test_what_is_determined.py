@@ -1,0 +1,128 @@
+"""Identifiability, profiles and audits: known answers, and the paper's own fits."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from arfjax import FractionalZener, InputError, complex_modulus, suomi2016
+from inverse.datasets.dma import dma_data, group_sweeps
+from inverse.inference.audit import Kind, audit
+from inverse.inference.dma import dma_problem
+from inverse.inference.fit import fit, judge
+from inverse.inference.identifiability import identify
+from inverse.inference.noise import NoiseModel, unordered
+from inverse.inference.parameter_set import ParameterSet, parameter
+from inverse.inference.problem import Measurement, Problem
+from inverse.inference.profile import Stop, profile
+from inverse.reproduction.moduli import modulus_magnitude
+from inverse.reproduction.zener_table import fitted_frequencies
+from inverse.transforms import Positive
+
+FREQUENCY = np.geomspace(0.1, 100.0, 16)
+
+
+def sweeps_of(constants: tuple[float, float, float, float], *, phase: bool = True):
+    modulus = np.asarray(complex_modulus(FractionalZener(*constants), 2.0 * np.pi * FREQUENCY))
+    observed = np.stack([modulus.real, modulus.imag], axis=1) if phase else np.abs(modulus)
+    return group_sweeps(dma_data(FREQUENCY, np.full(len(FREQUENCY), 37.0), observed))
+
+
+def powers(exponents, *, noise: float = 0.01, count: int = 6) -> Problem:
+    """Data that are a product of powers of a and b: only that product is determined."""
+    entries = tuple(parameter(name, f"model.{name}", "Pa", transform=Positive()) for name in ("a", "b"))
+    measured = Measurement(
+        "product",
+        lambda model: jnp.log(model["a"] ** exponents[0] * model["b"] ** exponents[1]) + jnp.zeros(count),
+        jnp.zeros(count),
+        unordered(count),
+        NoiseModel(additive=noise),
+    )
+    return Problem(ParameterSet(entries), {"a": 1.0, "b": 1.0}, (measured,))
+
+
+@pytest.mark.parametrize(("exponents", "said"), [((2.0, 1.0), "b × a^2"), ((1.0, -0.5), "b / a^2")])
+def test_a_product_of_powers_is_found(exponents, said):
+    """Of six data with deviation s the product's logarithm is known to s / sqrt(6) over the power of b."""
+    found = identify(powers(exponents), np.ones(2))
+    (combination,) = found.combinations
+    assert found.rank == 1 and combination.text in (said, "a × b^0.5", "a / b^0.5")
+    one = combination.powers["a"] / exponents[0]
+    np.testing.assert_allclose(combination.powers["b"] / exponents[1], one, rtol=1e-8)
+    np.testing.assert_allclose(combination.relative_error, 0.01 / np.sqrt(6.0) * abs(one), rtol=1e-8)
+
+
+def test_an_exponent_that_is_a_constant_of_the_fit_gets_its_name():
+    """Far below the relaxation, M - M_0 is the branch modulus times (i omega tau)^alpha and nothing else."""
+    constants = (100.0, 1e6 + 100.0, 1e-12, 0.3)
+    problem = dma_problem(sweeps_of(constants), estimate_noise=False, with_priors=False)
+    found = identify(problem, np.array([100.0, 1e6, 1e-12, 0.3]))
+    (combination,) = found.combinations
+    assert combination.text == "branch_modulus × relaxation_time^fractional_order"
+    assert "Only a combination is determined by these data" in found.sentences[0]
+
+
+def test_nothing_to_say_of_data_that_determine_all():
+    problem = dma_problem(sweeps_of((2e3, 9e3, 0.08, 0.6)), estimate_noise=False, with_priors=False)
+    found = identify(problem, np.array([2e3, 7e3, 0.08, 0.6]))
+    assert found.rank == 4 and found.sentences == () and np.isfinite(found.condition_number)
+
+
+def test_profile_of_a_straight_line_is_the_normal_interval():
+    x = np.linspace(-1.0, 2.0, 12)
+    data = 1.0 + 0.5 * x + 0.1 * np.sin(9.0 * x)
+    entries = (parameter("offset", "model.offset", "m"), parameter("slope", "model.slope", "m"))
+    measured = Measurement(
+        "line",
+        lambda model: model["offset"] + model["slope"] * jnp.asarray(x),
+        jnp.asarray(data),
+        unordered(12),
+        NoiseModel(additive=0.2),
+    )
+    found = fit(Problem(ParameterSet(entries), {"offset": 0.0, "slope": 0.0}, (measured,)), n_starts=2)
+    for place, name in enumerate(("offset", "slope")):
+        line = profile(found, name, level=0.9)
+        half = 1.6448536 * found.uncertainty.standard_errors[place]
+        np.testing.assert_allclose(line.interval, found.values[place] + half * np.array([-1.0, 1.0]), atol=2e-3 * half)
+        assert line.is_closed
+    with pytest.raises(InputError, match="must lie between 0 and 1, such as 0.95, got 95"):
+        profile(found, "slope", level=95.0)
+
+
+def test_profile_says_that_there_is_no_limit():
+    """A relaxed modulus that no datum feels: its profile rises on no more than one side."""
+    constants = (1.0, 1e6, 1e3, 0.5)
+    found = fit(dma_problem(sweeps_of(constants), estimate_noise=False, with_priors=False), n_starts=4)
+    line = profile(found, "relaxed_modulus")
+    assert line.stops[0] in (Stop.FLAT, Stop.BOUND) and line.stops[1] is Stop.CROSSED
+
+
+@pytest.mark.parametrize("temperature", [50.0, 65.0, 80.0])
+def test_the_papers_relaxed_moduli_are_found_out(temperature):
+    """Rows that sit at 8 Pa: no minimum, a vanishing score, a modulus that magnitudes do not determine there."""
+    row = suomi2016.TABLE_2_ZENER[temperature]
+    frequency = fitted_frequencies(row)
+    magnitude = np.asarray(modulus_magnitude(suomi2016.TABLE_2_FRACTIONAL_ZENER[temperature], frequency))
+    sweeps = group_sweeps(dma_data(frequency, np.full(len(frequency), temperature), magnitude))
+    problem = dma_problem(sweeps, fractional=False, with_priors=False, estimate_noise=False)
+    branch = 1e3 * row.unrelaxed_modulus_kpa - row.relaxed_modulus_pa
+    printed = audit(judge(problem, np.array([row.relaxed_modulus_pa, branch, row.relaxation_time])))
+    assert printed.of(Kind.VANISHING_SCORE)[0].parameters == ("relaxed_modulus",)
+    assert printed.of(Kind.CONVERGENCE) and "relaxed_modulus is not determined" in printed.identification.sentences[0]
+    fitted = fit(problem)
+    assert audit(fitted).is_sound and fitted.values[0] > 100.0 * row.relaxed_modulus_pa
+
+
+def test_a_phase_makes_the_score_whole():
+    """At the same constants, data with a phase feel the relaxed modulus to first order."""
+    constants = (8.0, 15e3, 0.462, 1.0)
+    values = np.array([8.0, 15e3 - 8.0, 0.462])
+    for phase in (False, True):
+        sweeps = sweeps_of(constants, phase=phase)
+        problem = dma_problem(sweeps, fractional=False, with_priors=False, estimate_noise=False)
+        assert bool(audit(judge(problem, values)).of(Kind.VANISHING_SCORE)) is not phase
+
+
+def test_few_starts_that_agree_are_told():
+    problem = dma_problem(sweeps_of((2e3, 9e3, 0.08, 0.6)), estimate_noise=False, with_priors=False)
+    lonely = audit(fit(problem, n_starts=1))
+    assert lonely.of(Kind.STARTS) and not lonely.is_minimum
