@@ -116,6 +116,31 @@ class NormalisedPolynomial(TemperatureLaw):
         return self.reference_value * self.percent(temperature) / 100.0
 
 
+class PolynomialThrough(TemperatureLaw):
+    """The polynomial through values at as many temperatures: coefficients in numbers that mean something.
+
+    A fit moves values at temperatures, each with a unit and an error; the coefficients of a polynomial in degC are
+    correlated to all digits.
+
+    Attributes:
+        temperatures: At which the values hold [degC].
+        values: One a temperature.
+    """
+
+    temperatures: tuple[float, ...] = eqx.field(static=True)
+    values: Float[Array, " n"] | Float[np.ndarray, " n"]
+
+    def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """Lagrange's form, which has no coefficients to lose digits in."""
+        at, given = jnp.asarray(temperature, dtype=float), jnp.asarray(self.values)
+        total = jnp.zeros_like(at)
+        for k, here in enumerate(self.temperatures):
+            others = [each for m, each in enumerate(self.temperatures) if m != k]
+            weight = math.prod(here - other for other in others)
+            total = total + given[k] / weight * math.prod((at - other for other in others), start=1.0)
+        return total
+
+
 class Linear(TemperatureLaw):
     """A value at a reference temperature and a slope [unit per K]."""
 

@@ -9,7 +9,16 @@ import pytest
 
 from arfjax import suomi2016, tissues, units
 from arfjax.errors import ExtrapolationWarning
-from arfjax.laws import Coagulating, Constant, Exponential, Linear, NormalisedPolynomial, Tabulated, extrapolations
+from arfjax.laws import (
+    Coagulating,
+    Constant,
+    Exponential,
+    Linear,
+    NormalisedPolynomial,
+    PolynomialThrough,
+    Tabulated,
+    extrapolations,
+)
 from tests.checks import assert_gradient
 
 LABELS = {"unit": "1", "source": "test"}
@@ -141,3 +150,17 @@ def test_coagulating_speaks_for_the_laws_within():
         law(80.0, 300.0)
     (message,) = extrapolations({"attenuation": law}, np.asarray([37.0, 80.0]))
     assert message.startswith("model['attenuation']: extrapolated to 80 degC;")
+
+
+def test_polynomial_through_values_is_the_polynomial():
+    """Through five values of a quartic it is that quartic, with the derivative of each value's own weight."""
+    quartic = tissues.liver_attenuation()
+    anchors = (35.0, 45.0, 55.0, 65.0, 84.0)
+    values = jnp.asarray(quartic.evaluate(np.asarray(anchors)))
+    through = PolynomialThrough(anchors, values, **LABELS)
+    at = np.linspace(30.0, 90.0, 13)
+    np.testing.assert_allclose(through.evaluate(at), quartic.evaluate(at), rtol=1e-10)
+    weights = jax.jacfwd(lambda v: laws.PolynomialThrough(anchors, v, unit="Np/m", source="test").evaluate(55.0))(
+        values
+    )
+    np.testing.assert_allclose(weights, [0.0, 0.0, 1.0, 0.0, 0.0], atol=1e-13)

@@ -121,7 +121,7 @@ class Protocol(Section):
 
 
 class Experiment(Section):
-    """An experiment file as read and checked; `calibration` is left to whoever fits."""
+    """An experiment file as read and checked; `calibration` and `inference` are left to whoever fits."""
 
     title: str = "untitled experiment"
     transducer: Transducer
@@ -133,6 +133,7 @@ class Experiment(Section):
     sonication: SonicationSection = SonicationSection()
     monitoring: MonitoringSection = MonitoringSection()
     calibration: dict[str, Any] = {}
+    inference: dict[str, Any] = {}
 
     @model_validator(mode="after")
     def _liver_is_last_and_holds_the_focus(self) -> "Experiment":

@@ -1,0 +1,198 @@
+"""What an experiment file says of an inference: which constants are free, what was believed of them, and the noise.
+
+    [inference]
+    reference_temperature_c = 37.0
+    attenuation_anchors_c = [35.0, 45.0, 55.0, 65.0, 84.0]
+
+    [[inference.parameters]]
+    name = "lesion_stiffness"
+    place = "model.lesion.viscoelasticity.branch_modulus.value"
+    unit = "Pa"
+    prior = { kind = "log-normal", log_sd = 0.5, source = "assumed (ours)" }
+
+A log-normal prior without a median is about what the model holds. Places begin with `model.`, or with `noise.hmi.` and
+`noise.dma.`. Where the file names no parameters, those of `DEFAULTS` are free.
+"""
+
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, Strict, ValidationError, model_validator
+
+from arfjax import Experiment, InputError, Model, NormalisedPolynomial, PolynomialThrough, explain
+from inverse.inference import places
+from inverse.inference.noise import NoiseModel
+from inverse.inference.parameter_set import ParameterSet, parameter
+from inverse.inference.problem import Measurement, Problem, State
+from inverse.priors import ASSUMED, HalfNormal, LogNormal, LogUniform, Normal, Prior, Uniform
+
+_Number = Annotated[float, Strict(), AllowInfNan(False)]
+_Celsius = Annotated[_Number, Field(ge=0.0, le=120.0)]
+
+_NEEDED = {
+    "normal": ("mean", "sd"),
+    "log-normal": ("log_sd",),
+    "uniform": ("lower", "upper"),
+    "log-uniform": ("lower", "upper"),
+    "half-normal": ("sd",),
+}
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class PriorSection(_Section):
+    """A prior, as a file holds it."""
+
+    kind: Literal["normal", "log-normal", "uniform", "log-uniform", "half-normal"]
+    mean: _Number | None = None
+    sd: _Number | None = None
+    median: _Number | None = None
+    log_sd: _Number | None = None
+    lower: _Number | None = None
+    upper: _Number | None = None
+    source: str = ASSUMED
+
+    @model_validator(mode="after")
+    def _complete(self) -> "PriorSection":
+        missing = [name for name in _NEEDED[self.kind] if getattr(self, name) is None]
+        if missing:
+            raise ValueError(f"a {self.kind} prior needs {' and '.join(_NEEDED[self.kind])}; {missing[0]} is missing")
+        return self
+
+    def prior(self, standing: float) -> Prior:
+        """The prior, about what stands in the model where the file gives no median."""
+        given = {name: value for name in _NEEDED[self.kind] if (value := getattr(self, name)) is not None}
+        if self.kind == "log-normal":
+            return LogNormal(standing if self.median is None else self.median, given["log_sd"], source=self.source)
+        kinds: dict[str, Callable[..., Prior]] = {
+            "normal": Normal, "uniform": Uniform, "log-uniform": LogUniform, "half-normal": HalfNormal,
+        }  # fmt: skip
+        return kinds[self.kind](**given, source=self.source)
+
+
+class ParameterSection(_Section):
+    """A free constant, as a file holds it."""
+
+    name: str = Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")
+    place: str
+    unit: str = "1"
+    label: str = ""
+    relative: bool = False
+    prior: PriorSection
+
+
+class InferenceSettings(_Section):
+    """The section `[inference]` of an experiment file."""
+
+    reference_temperature_c: _Celsius = 37.0
+    attenuation_anchors_c: tuple[_Celsius, ...] = (35.0, 45.0, 55.0, 65.0, 84.0)
+    parameters: tuple[ParameterSection, ...] = ()
+
+    @model_validator(mode="after")
+    def _sound(self) -> "InferenceSettings":
+        anchors = self.attenuation_anchors_c
+        if len(anchors) < 2 or any(b - a < 1.0 for a, b in zip(anchors, anchors[1:], strict=False)):
+            raise ValueError(f"attenuation_anchors_c must be two or more that rise by 1 K or more, got {anchors}")
+        return self
+
+
+def _default(name: str, place: str, unit: str, label: str, log_sd: float) -> ParameterSection:
+    prior = PriorSection(kind="log-normal", log_sd=log_sd)
+    return ParameterSection(name=name, place=place, unit=unit, label=label, prior=prior)
+
+
+_LESION, _LIVER = "model.lesion.viscoelasticity", "model.liver.viscoelasticity"
+DEFAULTS = (
+    *(
+        _default(f"attenuation_{k}", f"model.liver.attenuation.values[{k}]", "Np/m", f"attenuation at anchor {k}", 0.35)
+        for k in range(5)
+    ),
+    _default("liver_stiffness", f"{_LIVER}.branch_modulus.value", "Pa", "liver stiffness", 0.25),
+    _default("lesion_stiffness", f"{_LESION}.branch_modulus.value", "Pa", "lesion stiffness", 0.5),
+    _default("lesion_stiffness_rate", f"{_LESION}.branch_modulus.rate", "1/K", "growth of lesion stiffness", 0.5),
+    _default("lesion_relaxation_time", f"{_LESION}.relaxation_time.value", "s", "lesion relaxation time", 0.5),
+)
+"""What is free where a file does not say: attenuation at five temperatures (a quarter for its level and a quarter for
+its shape make 0.35), stiffness of liver, and the lesion's stiffness, its rate and its relaxation time."""
+
+NOISE = ParameterSection(
+    name="noise",
+    place="noise.hmi.relative",
+    unit="1",
+    label="relative deviation of HMI",
+    prior=PriorSection(kind="log-uniform", lower=1e-3, upper=0.5),
+)
+"""Scatter of HMI data that come without deviations."""
+
+
+def inference_settings(described: Experiment, name: str) -> InferenceSettings:
+    """The section `[inference]` of an experiment, checked.
+
+    Raises:
+        InputError: if it holds what it should not.
+    """
+    try:
+        return InferenceSettings.model_validate(described.inference)
+    except ValidationError as error:
+        raise InputError(f"{name}: [inference] {explain(error, InferenceSettings)}") from None
+
+
+def anchored(model: Model, settings: InferenceSettings) -> Model:
+    """The model with the liver's attenuation given by its values at the anchors, where it is a polynomial.
+
+    Raises:
+        InputError: if there are fewer anchors than the polynomial has coefficients.
+    """
+    law = model.liver.attenuation
+    if not isinstance(law, NormalisedPolynomial):
+        return model
+    anchors = settings.attenuation_anchors_c
+    if len(anchors) != len(law.coefficients):
+        raise InputError(
+            f"`inference.attenuation_anchors_c` has {len(anchors)} temperatures; the liver's attenuation is a "
+            f"polynomial of {len(law.coefficients)} coefficients and needs as many."
+        )
+    values = jnp.asarray(law.evaluate(np.asarray(anchors)))
+    through = PolynomialThrough(anchors, values, unit=law.unit, source=law.source, valid_range=law.valid_range)
+    return eqx.tree_at(lambda tree: tree.liver.attenuation, model, through)
+
+
+def free_parameters(settings: InferenceSettings, model: Model, noise: dict[str, NoiseModel]) -> ParameterSet:
+    """The parameters that the settings free, with the noise's where the data come without deviations.
+
+    Raises:
+        InputError: if a place does not exist or does not hold one number.
+    """
+    state = State(model, noise)
+    sections = list(settings.parameters or DEFAULTS)
+    named = {section.place for section in sections}
+    unknown = "hmi" in noise and noise["hmi"].known is None
+    if unknown and NOISE.place not in named:
+        sections.append(NOISE)
+    return ParameterSet(tuple(_entry(section, state) for section in sections))
+
+
+def _entry(section: ParameterSection, state: State) -> Any:
+    if not section.place.startswith(("model.", "noise.")):
+        raise InputError(
+            f"`inference.parameters` {section.name}: a place begins with `model.` or `noise.`, got `{section.place}`."
+        )
+    standing = places.read(state, section.place)
+    if standing.ndim:
+        raise InputError(
+            f"`inference.parameters` {section.name}: `{section.place}` holds {standing.size} numbers; "
+            "add an index in brackets."
+        )
+    prior = section.prior.prior(1.0 if section.relative else float(standing))
+    return parameter(section.name, section.place, section.unit, prior, label=section.label, relative=section.relative)
+
+
+def inference_problem(settings: InferenceSettings, model: Model, measurements: tuple[Measurement, ...]) -> Problem:
+    """The inference that a file asks for: a model, what is free in it, what was measured."""
+    noise = {measurement.name: measurement.noise for measurement in measurements}
+    return Problem(free_parameters(settings, model, noise), model, measurements)
