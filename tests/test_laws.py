@@ -160,7 +160,5 @@ def test_polynomial_through_values_is_the_polynomial():
     through = PolynomialThrough(anchors, values, **LABELS)
     at = np.linspace(30.0, 90.0, 13)
     np.testing.assert_allclose(through.evaluate(at), quartic.evaluate(at), rtol=1e-10)
-    weights = jax.jacfwd(lambda v: PolynomialThrough(anchors, v, unit="Np/m", source="test").evaluate(55.0))(
-        values
-    )
+    weights = jax.jacfwd(lambda v: PolynomialThrough(anchors, v, unit="Np/m", source="test").evaluate(55.0))(values)
     np.testing.assert_allclose(weights, [0.0, 0.0, 1.0, 0.0, 0.0], atol=1e-13)

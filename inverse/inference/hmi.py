@@ -41,7 +41,7 @@ def hmi_measurement(
             displacement, with the same fraction for the reference reading of data in percent.
         name: Of the measurement.
     """
-    rows = _informative(data, reference_temperature)
+    rows = used_rows(data, reference_temperature)
     measured = np.asarray(data.displacement)[rows]
 
     def of_rows(model: Model) -> Float[Array, " n"]:
@@ -57,7 +57,8 @@ def hmi_measurement(
     )
 
 
-def _informative(data: HmiData, reference_temperature: float) -> Int[np.ndarray, " n"]:
+def used_rows(data: HmiData, reference_temperature: float) -> Int[np.ndarray, " n"]:
+    """Rows of the file that say something of the model, in the order of the measurement's data."""
     if not data.in_percent or data.temperature is None:
         return np.arange(len(data.displacement))
     at_reference = np.abs(np.asarray(data.temperature) - reference_temperature) < SAME_TEMPERATURE_K

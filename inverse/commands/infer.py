@@ -1,0 +1,220 @@
+"""`arfjax infer`: constants with honest uncertainty, from DMA, from HMI or from both at once."""
+
+import enum
+from pathlib import Path
+from typing import Annotated
+
+import equinox as eqx
+import jax
+import typer
+
+from arfjax import InputError, discretise, read_experiment
+from inverse.commands.console import show_lines, show_table, working
+from inverse.commands.infer_report import parameter_rows, report, results, write_parameters
+from inverse.commands.output import output_directory, write_figures, write_summary
+from inverse.datasets.dma import Sweep, group_sweeps, read_dma
+from inverse.datasets.hmi import HmiData, read_hmi
+from inverse.fast_hmi import FastHmi, Verification, prepare_fast
+from inverse.figures.posterior import (
+    Panel,
+    dma_panels,
+    draw_corner,
+    draw_overlap,
+    draw_predictions,
+    draw_traces,
+    hmi_panels,
+)
+from inverse.hmi_model import plan_sweeps
+from inverse.inference.dma import dma_measurement, dma_problem, of_liver
+from inverse.inference.experiment import InferenceSettings, anchored, inference_problem, inference_settings
+from inverse.inference.hmi import hmi_measurement, used_rows
+from inverse.inference.problem import Measurement, Problem
+from inverse.inference.widened import widened
+from inverse.sampling import posterior_record, save_posterior
+from inverse.study import Effort, Sampler, Study, infer
+
+_MOST_SEPARATE = 4
+_TRAINING = 100
+_WIDER = 4.0 / 3.0
+_VERIFIED = 6
+_CORNER = 12
+_BATCH = 16
+
+
+class Across(enum.StrEnum):
+    """What sweeps differ by whose constants come from one population."""
+
+    NONE = "none"
+    SAMPLE = "sample"
+    TEMPERATURE = "temperature"
+
+
+def infer_command(
+    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    experiment: Annotated[Path | None, typer.Argument(help="Experiment file (TOML); needed for HMI.")] = None,
+    dma: Annotated[
+        Path | None, typer.Option(help="CSV file: frequency, temperature, storage and loss modulus.")
+    ] = None,
+    hmi: Annotated[Path | None, typer.Option(help="CSV file: sonication, time or temperature, displacement.")] = None,
+    sampler: Annotated[Sampler, typer.Option(help="How the posterior is explored.")] = Sampler.NUTS,
+    temperature: Annotated[float | None, typer.Option(help="The sweep nearest to this temperature [degC].")] = None,
+    across: Annotated[Across, typer.Option(help="Constants of all sweeps from one population.")] = Across.NONE,
+    draws: Annotated[int, typer.Option(help="Draws of each of four chains.", min=50)] = 1000,
+    steps: Annotated[int, typer.Option(help="Steps of emcee at most.", min=100)] = 20_000,
+    evidence: Annotated[bool, typer.Option("--evidence", help="Estimate the evidence, too.")] = False,
+    profiles: Annotated[bool, typer.Option(help="Profile likelihoods.")] = True,
+    starts: Annotated[int, typer.Option(help="Starts of the fit.", min=1)] = 16,
+    seed: Annotated[int, typer.Option(help="Seed of starts and samplers.", min=0)] = 0,
+) -> None:
+    """Fit, audit the fit, and sample the posterior of constants given DMA, HMI or both.
+
+    Without an experiment, Zener constants of sweeps; with one, the constants that its section [inference] frees.
+    Writes parameters.csv, posterior.nc, figures, report.md and summary.json into the folder `out`. A run that is
+    stopped goes on where it was when the command is given again: its draws are in run.h5 there.
+    """
+    jax.config.update("jax_enable_x64", True)
+    given = {"experiment": experiment, "dma": dma, "hmi": hmi}
+    if dma is None and hmi is None:
+        raise InputError("nothing to infer from: give --dma FILE, --hmi FILE or both.")
+    if hmi is not None and experiment is None:
+        raise InputError("HMI needs an experiment file: `arfjax infer EXPERIMENT.toml --hmi FILE --out DIR`.")
+    sweeps = [] if dma is None else _sweeps(dma, temperature, across, alone=experiment is None)
+    effort = Effort(
+        starts=starts if hmi is None else min(starts, 4),
+        draws=draws,
+        most_steps=steps,
+        with_profiles=profiles and hmi is None,
+        chunk=None if hmi is None else _BATCH,
+    )
+    out.mkdir(parents=True, exist_ok=True)
+    with working("reading") as say:
+        problem, panels, fast = _problem(experiment, sweeps, hmi, across, seed, say)
+        file = out / "run.h5" if sampler in (Sampler.NUTS, Sampler.EMCEE) else None
+        study = infer(problem, sampler=sampler, seed=seed, effort=effort, evidence=evidence, file=file, on_step=say)
+        checked = None if fast is None or study.draws is None else _verified(study, fast, say)
+        with output_directory(out) as folder:
+            say("figures")
+            figures = _write_posterior(folder, study, panels, seed)
+            write_parameters(folder / "parameters.csv", study)
+            inputs = {name: path for name, path in given.items() if path is not None}
+            (folder / "report.md").write_text(report(study, inputs, figures, checked), encoding="utf-8")
+            write_summary(
+                folder,
+                command="infer",
+                inputs=inputs,
+                seed=seed,
+                settings={"sampler": sampler.value, "across": across.value, "draws": draws, "starts": starts},
+                results=results(study, checked),
+            )
+    _show(study, out)
+
+
+def _sweeps(path: Path, temperature: float | None, across: Across, *, alone: bool) -> list[Sweep]:
+    sweeps = list(group_sweeps(read_dma(path)))
+    if temperature is not None:
+        sweeps = [min(sweeps, key=lambda sweep: abs(sweep.temperature_c - temperature))]
+    if alone and across is Across.NONE and len(sweeps) > _MOST_SEPARATE:
+        raise InputError(
+            f"{path}: holds {len(sweeps)} sweeps; choose one by --temperature, or let their constants come from one "
+            "population by --across sample or --across temperature."
+        )
+    short = [sweep for sweep in sweeps if sweep.data.distinct_frequencies < 2]
+    if alone and short:
+        raise InputError(f"{path}: the sweep at {short[0].label} has a single frequency, which fixes no constants.")
+    return sweeps
+
+
+def _problem(
+    experiment: Path | None, sweeps: list[Sweep], hmi: Path | None, across: Across, seed: int, say
+) -> tuple[Problem, dict[str, list[Panel]], "_Fast | None"]:
+    """What is inferred, how it is drawn, and the fast model if there is one."""
+    panels = {"dma": dma_panels(sweeps)} if sweeps else {}
+    if experiment is None:
+        population = None if across is Across.NONE else across.value
+        return dma_problem(sweeps, across=population), panels, None
+    described = read_experiment(experiment)
+    settings = inference_settings(described, str(experiment))
+    model = anchored(described.model(), settings)
+    measurements = [dma_measurement(sweeps, of_liver)] if sweeps else []
+    if hmi is None:
+        return inference_problem(settings, model, tuple(measurements)), panels, None
+    data = read_hmi(hmi)
+    plan = plan_sweeps(data, described.stepwise(), settings.reference_temperature_c)
+    say("fast model: drawing models to learn from")
+    fast = _prepared(settings, model, data, plan, measurements, seed, say)
+    n_rows = len(data.displacement)
+    measured = hmi_measurement(
+        data,
+        lambda each: fast.predict(each, n_rows=n_rows, in_percent=data.in_percent),
+        reference_temperature=settings.reference_temperature_c,
+    )
+    panels["hmi"] = hmi_panels(data, used_rows(data, settings.reference_temperature_c))
+    problem = inference_problem(settings, model, (*measurements, measured))
+    return problem, panels, _Fast(fast, n_rows, data.in_percent)
+
+
+class _Fast(eqx.Module):
+    """The fast model with what it takes to ask it."""
+
+    model: FastHmi
+    n_rows: int = eqx.field(static=True)
+    in_percent: bool = eqx.field(static=True)
+
+
+def _prepared(
+    settings: InferenceSettings,
+    model,
+    data: HmiData,
+    plan,
+    measurements: list[Measurement],
+    seed: int,
+    say,
+) -> FastHmi:
+    """Learnt from models drawn from priors a third wider than those of the inference."""
+    measured = hmi_measurement(data, lambda each: each, reference_temperature=settings.reference_temperature_c)
+    problem = inference_problem(settings, model, (*measurements, measured))
+    wide = widened(problem.parameters, _WIDER)
+    keys = jax.random.split(jax.random.key(seed + 1), _TRAINING)
+    points = jax.vmap(lambda key: wide.values(wide.draw(key)))(keys)
+    draws = [wide.write(problem.state, point).model for point in points]
+    return prepare_fast(
+        draws,
+        plan,
+        discretise(model, refinement=2.0),
+        on_step=lambda what, done, of: say(f"fast model: {what} {done} of {of}"),
+    )
+
+
+def _verified(study: Study, fast: _Fast, say) -> Verification:
+    """Some draws of the posterior by the full model."""
+    assert study.draws is not None
+    points = study.draws.spread_evenly(_VERIFIED)
+    models = [study.problem.state_of(study.problem.values(jax.numpy.asarray(u))).model for u in points]
+    return fast.model.verify(
+        models,
+        discretise(models[0], refinement=2.0),
+        n_rows=fast.n_rows,
+        in_percent=fast.in_percent,
+        on_step=lambda what, done, of: say(f"full model: {what} {done} of {of}"),
+    )
+
+
+def _write_posterior(folder: Path, study: Study, panels: dict[str, list[Panel]], seed: int) -> list[str]:
+    if study.draws is None:
+        return []
+    record = posterior_record(study.problem, study.draws, seed=seed)
+    save_posterior(record, folder / "posterior.nc")
+    names = [entry.name for entry in study.problem.parameters.entries]
+    drawn = {f"predictions_{name}": draw_predictions(record, name, list(each)) for name, each in panels.items()}
+    drawn |= {"overlap": draw_overlap(record), "traces": draw_traces(record)}
+    if len(study.problem.parameters.columns) <= _CORNER:
+        drawn["corner"] = draw_corner(record, names)
+    return write_figures(folder, drawn)
+
+
+def _show(study: Study, out: Path) -> None:
+    header, rows = parameter_rows(study)
+    show_table("constants", header, rows, left=2)
+    complaints = [] if study.diagnostics is None else list(study.diagnostics.complaints)
+    notes = [finding.sentence for finding in study.audit.findings]
+    show_lines([*notes, *complaints, f"written to {out}"])

@@ -1,0 +1,176 @@
+"""Tables and report of `arfjax infer`."""
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from inverse.commands.output import quantity
+from inverse.fast_hmi import Verification
+from inverse.study import Study
+
+_COLUMNS = (
+    "parameter unit estimate standard_error profile_lower profile_upper profile_level profile_ends posterior_mean "
+    "posterior_sd posterior_5_percent posterior_median posterior_95_percent r_hat bulk_ess tail_ess prior prior_source"
+).split()
+
+
+def write_parameters(path: Path, study: Study) -> None:
+    """One row a value: fit, profile, posterior, prior; empty where there is none."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(_COLUMNS)
+        for row in _rows(study):
+            writer.writerow([_cell(row.get(name)) for name in _COLUMNS])
+
+
+def parameter_rows(study: Study) -> tuple[tuple[str, ...], list[list[str]]]:
+    """Header and rows of the table on the terminal."""
+    header = ("parameter", "unit", "fit", "±", "profile", "posterior", "±", "5 to 95 %", "R-hat")
+    return header, [
+        [
+            str(row["parameter"]),
+            str(row["unit"]),
+            _number(row["estimate"]),
+            _number(row["standard_error"], 2),
+            _range(row.get("profile_lower"), row.get("profile_upper")),
+            _number(row.get("posterior_mean")),
+            _number(row.get("posterior_sd"), 2),
+            _range(row.get("posterior_5_percent"), row.get("posterior_95_percent")),
+            "" if row.get("r_hat") is None else f"{row['r_hat']:.3f}",
+        ]
+        for row in _rows(study)
+    ]
+
+
+def results(study: Study, checked: Verification | None) -> dict[str, Any]:
+    """What summary.json holds of the results."""
+    found: dict[str, Any] = {
+        "converged": study.fit.converged,
+        "status": study.fit.status,
+        "method": study.fit.method.value,
+        "cost": quantity(study.fit.cost, "nats"),
+        "condition_number": study.audit.identification.condition_number,
+        "parameters": {
+            str(row["parameter"]): quantity(row["estimate"], str(row["unit"]), row["standard_error"])
+            for row in _rows(study)
+        },
+        "audit": [{"kind": each.kind.value, "sentence": each.sentence} for each in study.audit.findings],
+    }
+    if study.draws is not None and study.diagnostics is not None:
+        found["posterior"] = {
+            "sampler": study.draws.sampler,
+            "stopping_rule_met": study.draws.finished,
+            "message": study.draws.message,
+            "draws": study.draws.n_chains * study.draws.n_draws,
+            "seconds": study.draws.seconds,
+            "complaints": list(study.diagnostics.complaints),
+        }
+    if study.evidence is not None:
+        found["log_evidence"] = quantity(study.evidence.log_evidence, "nats", study.evidence.standard_error)
+    if checked is not None:
+        found["fast_model"] = {"models": len(checked.covered), "largest_error": checked.largest_error}
+    return found
+
+
+def report(study: Study, inputs: Mapping[str, Path], figures: Sequence[str], checked: Verification | None) -> str:
+    """The report, as Markdown."""
+    header, rows = parameter_rows(study)
+    lines = [f"# Inference from {' and '.join(path.name for path in inputs.values())}", ""]
+    lines += [f"Fit by {study.fit.method.value}: {study.fit.status}.", "", *_table(header, rows), ""]
+    lines += ["## What the fit can be trusted with", ""]
+    lines += [f"- {each.sentence}" for each in study.audit.findings] or ["Nothing was found wrong with it."]
+    lines += [f"- {one.name}, profile: {side}." for one in study.profiles for side in _open_ends(one)]
+    condition = study.audit.identification.condition_number
+    lines += ["", f"Condition number of the Fisher information: {condition:.3g}.", ""]
+    lines += _posterior_lines(study, checked)
+    lines += ["## What was believed before", "", *_table(("parameter", "prior", "source"), _beliefs(study)), ""]
+    return "\n".join([*lines, *(f"![{name}]({name})" for name in figures), ""])
+
+
+def _posterior_lines(study: Study, checked: Verification | None) -> list[str]:
+    if study.draws is None or study.diagnostics is None:
+        return []
+    lines = ["## Posterior", "", f"{study.draws.sampler}, seed {study.draws.seed}: {study.draws.message}.", ""]
+    lines += [f"- {each}" for each in study.diagnostics.complaints]
+    if study.evidence is not None:
+        lines += [f"- log evidence {study.evidence.log_evidence:.3f} ± {study.evidence.standard_error:.2g} nats"]
+        lines += [f"- {each}" for each in study.evidence.warnings]
+    if checked is not None:
+        lines += [
+            f"- {len(checked.covered)} draws computed again by the full model: the curves differ by "
+            f"{100.0 * checked.largest_error:.2g} % of their largest value at most."
+        ]
+    return [*lines, "", *_table(study.diagnostics.columns, study.diagnostics.table), ""]
+
+
+def _open_ends(profile) -> list[str]:
+    sides = zip(("lower", "upper"), profile.stops, strict=True)
+    return [f"the {name} side {stop.value}" for name, stop in sides if stop.name != "CROSSED"]
+
+
+def _beliefs(study: Study) -> list[list[str]]:
+    parameters = study.problem.parameters
+    return [[name, prior, source] for name, (prior, source) in zip(parameters.names, parameters.beliefs, strict=True)]
+
+
+def _rows(study: Study) -> list[dict[str, Any]]:
+    profiles = {one.name: one for one in study.profiles}
+    drawn = {} if study.diagnostics is None else {row.name: row for row in study.diagnostics.rows}
+    rows = []
+    for (name, unit, _), value, error, belief in zip(
+        study.fit.columns,
+        study.fit.values,
+        study.fit.uncertainty.standard_errors,
+        study.problem.parameters.beliefs,
+        strict=True,
+    ):
+        row: dict[str, Any] = {
+            "parameter": name,
+            "unit": unit,
+            "estimate": float(value),
+            "standard_error": float(error),
+            "prior": belief[0],
+            "prior_source": belief[1],
+        }
+        if name in profiles:
+            one = profiles[name]
+            row |= {"profile_lower": one.interval[0], "profile_upper": one.interval[1], "profile_level": one.level}
+            row["profile_ends"] = "; ".join(stop.value for stop in one.stops)
+        if name in drawn:
+            found = drawn[name]
+            row |= {
+                "posterior_mean": found.mean,
+                "posterior_sd": found.sd,
+                "posterior_5_percent": found.lower,
+                "posterior_median": found.median,
+                "posterior_95_percent": found.upper,
+                "r_hat": found.r_hat,
+                "bulk_ess": found.bulk_size,
+                "tail_ess": found.tail_size,
+            }
+        rows.append(row)
+    return rows
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    return [
+        "| " + " | ".join(header) + " |",
+        "| " + " | ".join("---" for _ in header) + " |",
+        *("| " + " | ".join(row) + " |" for row in rows),
+    ]
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _number(value: float | None, digits: int = 4) -> str:
+    return "" if value is None else f"{value:.{digits}g}" if math.isfinite(value) else "?"
+
+
+def _range(low: float | None, high: float | None) -> str:
+    return "" if low is None or high is None else f"{low:.3g} to {high:.3g}"

@@ -1,0 +1,180 @@
+"""An inference from beginning to end: fit, audit, profiles, posterior, in the order in which they may be believed."""
+
+import dataclasses
+import enum
+from collections.abc import Callable
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from arfjax.errors import InputError
+from inverse.inference.audit import Audit, audit
+from inverse.inference.fit import Fit, fit
+from inverse.inference.problem import Problem
+from inverse.inference.profile import Profile, profiles
+from inverse.sampling import (
+    Diagnostics,
+    Draws,
+    Evidence,
+    Laplace,
+    bridge_evidence,
+    default_walkers,
+    diagnose_draws,
+    laplace,
+    sample_ensemble,
+    sample_nuts,
+    walkers_from_laplace,
+)
+
+
+class Sampler(enum.StrEnum):
+    """How a posterior is explored."""
+
+    NUTS = "nuts"
+    EMCEE = "emcee"
+    LAPLACE = "laplace"
+    NONE = "none"
+
+
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """What an inference found.
+
+    Attributes:
+        problem: What was inferred.
+        fit: Most probable constants.
+        audit: Of the fit.
+        profiles: Of every parameter; none where they were not asked for, or parameters vary from group to group.
+        laplace: Normal approximation of the posterior, or None.
+        draws: Of the posterior, or None.
+        diagnostics: Of the draws, or None.
+        evidence: Of the model, or None.
+    """
+
+    problem: Problem
+    fit: Fit
+    audit: Audit
+    profiles: tuple[Profile, ...]
+    laplace: Laplace | None = None
+    draws: Draws | None = None
+    diagnostics: Diagnostics | None = None
+    evidence: Evidence | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Effort:
+    """How much to put in.
+
+    Attributes:
+        starts: Of the fit.
+        draws: Of NUTS, of each of `chains` chains; of the normal approximation, all of them.
+        chains: Of NUTS.
+        warmup: Steps of NUTS that are not kept.
+        most_steps: Of the ensemble, if its rule for stopping is not met before.
+        with_profiles: Whether to take profiles.
+        level: Of intervals of profiles.
+        chunk: Points whose density is computed at once; None for as many as there are.
+    """
+
+    starts: int = 16
+    draws: int = 1000
+    chains: int = 4
+    warmup: int = 500
+    most_steps: int = 20_000
+    with_profiles: bool = True
+    level: float = 0.95
+    chunk: int | None = None
+
+
+def infer(
+    problem: Problem,
+    *,
+    sampler: Sampler = Sampler.NUTS,
+    seed: int = 0,
+    effort: Effort = Effort(),
+    evidence: bool = False,
+    file: Path | None = None,
+    on_step: Callable[[str], None] = lambda what: None,
+) -> Study:
+    """Fit, look at the fit, and sample.
+
+    Args:
+        problem: With a prior for every parameter if it is to be sampled.
+        sampler: NUTS (gradients), emcee's ensemble, the normal approximation alone, or none.
+        seed: Of starts and samplers.
+        effort: How much to put in.
+        evidence: Whether to estimate the evidence by bridge sampling.
+        file: Of a sampler's run, which goes on if there is one.
+        on_step: Told in words how far it is.
+
+    Raises:
+        InputError: if a posterior is asked for and a parameter has no prior.
+    """
+    if sampler is not Sampler.NONE and not problem.parameters.has_priors:
+        bare = [entry.name for entry in problem.parameters.entries if entry.parameter.prior is None]
+        raise InputError(f"`{bare[0]}` has no prior, so that there is no posterior: give one, or sample nothing.")
+    on_step("fit")
+    found = fit(problem, n_starts=effort.starts, seed=seed)
+    on_step("audit of the fit")
+    looked_at = audit(found)
+    sides: tuple[Profile, ...] = ()
+    if effort.with_profiles and problem.parameters.is_plain:
+        on_step("profiles")
+        sides = profiles(found, level=effort.level)
+    study = Study(found.problem, found, looked_at, sides)
+    if sampler is Sampler.NONE:
+        return study
+    normal = laplace(found.problem, seed=seed, on_step=on_step)
+    study = dataclasses.replace(study, laplace=normal)
+    drawn = _sample(found.problem, normal, sampler, seed, effort, file, on_step)
+    on_step("diagnostics")
+    table = diagnose_draws(found.problem, drawn)
+    weighed = None
+    if evidence:
+        on_step("evidence")
+        weighed = bridge_evidence(found.problem, drawn, seed=seed, chunk=effort.chunk)
+    return dataclasses.replace(study, draws=drawn, diagnostics=table, evidence=weighed)
+
+
+def _sample(
+    problem: Problem,
+    normal: Laplace,
+    sampler: Sampler,
+    seed: int,
+    effort: Effort,
+    file: Path | None,
+    on_step: Callable[[str], None],
+) -> Draws:
+    if sampler is Sampler.NUTS:
+        return sample_nuts(
+            problem, normal, seed=seed, chains=effort.chains, warmup=effort.warmup, draws=effort.draws, file=file,
+            on_step=on_step,
+        )  # fmt: skip
+    if sampler is Sampler.EMCEE:
+        start = walkers_from_laplace(problem, normal, seed=seed, count=default_walkers(problem))
+        return sample_ensemble(
+            problem, start, seed=seed, most_steps=effort.most_steps, file=file, chunk=effort.chunk, on_step=on_step
+        )
+    return _normal_draws(problem, normal, seed, effort)
+
+
+def _normal_draws(problem: Problem, normal: Laplace, seed: int, effort: Effort) -> Draws:
+    """Independent draws of the normal approximation, in as many chains as NUTS would have."""
+    points = normal.draw(jax.random.key(seed), effort.chains * effort.draws)
+    shaped = points.reshape(effort.chains, effort.draws, -1)
+    centred = (points - normal.mode) @ np.linalg.inv(normal.factor).T
+    height = normal.log_density - 0.5 * np.sum(centred**2, axis=1)
+    return Draws(
+        unconstrained=shaped,
+        log_density=height.reshape(effort.chains, effort.draws),
+        statistics={},
+        sampler="laplace",
+        seed=seed,
+        settings={},
+        finished=False,
+        message="a normal approximation about the mode: intervals are too narrow where the posterior is skew; "
+        "sample with NUTS or the ensemble for numbers that are to be trusted",
+        evaluations=0,
+        seconds=0.0,
+    )
