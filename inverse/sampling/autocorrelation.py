@@ -32,24 +32,30 @@ class StopRule:
     Attributes:
         times: Autocorrelation times that the chain must be longer than.
         change: Largest relative change of the estimate since the last look.
+        r_hat: Largest R-hat of walkers after the burn-in. Where a posterior has a long tail that walkers creep into,
+            the autocorrelation time looks short until they have.
     """
 
     times: float = 50.0
     change: float = 0.01
+    r_hat: float = 1.01
 
-    def met(self, before: Float[np.ndarray, " n"], now: Float[np.ndarray, " n"], steps: int) -> bool:
-        """Whether the rule holds, from the estimates at the last look and now."""
+    def met(self, before: Float[np.ndarray, " n"], now: Float[np.ndarray, " n"], steps: int, r_hat: float) -> bool:
+        """Whether the rule holds, from the estimates at the last look and now, and the largest R-hat."""
         if not (np.all(np.isfinite(before)) and np.all(np.isfinite(now))):
             return False
-        return bool(np.all(steps > self.times * now) and np.all(np.abs(now - before) < self.change * now))
+        long = np.all(steps > self.times * now)
+        return bool(long and np.all(np.abs(now - before) < self.change * now) and r_hat < self.r_hat)
 
-    def describe(self, before: Float[np.ndarray, " n"], now: Float[np.ndarray, " n"], steps: int) -> str:
+    def describe(self, before: Float[np.ndarray, " n"], now: Float[np.ndarray, " n"], steps: int, r_hat: float) -> str:
         """The chain's length in autocorrelation times and their last change, in words."""
         longest = float(np.max(now))
         if not np.isfinite(longest):
             return f"{steps} steps, in which some coordinate never moved"
-        said = f"{steps} steps are {steps / longest:.0f} autocorrelation times of {longest:.3g} steps"
+        said = (
+            f"{steps} steps are {steps / longest:.0f} autocorrelation times of {longest:.3g} steps, R-hat {r_hat:.3f}"
+        )
         if not np.all(np.isfinite(before)):
             return said
         change = float(np.max(np.abs(now - before) / now))
-        return f"{said}, which changed by {100.0 * change:.2g} % at the last look"
+        return f"{said}, and the times changed by {100.0 * change:.2g} % since the last look"

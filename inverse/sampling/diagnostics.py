@@ -101,7 +101,7 @@ def values_of(problem: Problem, draws: Draws) -> Float[np.ndarray, "chain draw m
 
 
 def diagnose_draws(problem: Problem, draws: Draws) -> Diagnostics:
-    """Moments, quantiles, R-hat, effective sample sizes, autocorrelation times and Monte Carlo errors of every value."""
+    """Moments, quantiles, R-hat, effective sizes, autocorrelation times and Monte Carlo errors of every value."""
     values = values_of(problem, draws)
     rows = tuple(
         _row(name, unit, values[:, :, index]) for index, (name, unit, _) in enumerate(problem.parameters.columns)
@@ -147,8 +147,8 @@ def _complaints(rows: tuple[Row, ...], draws: Draws) -> list[str]:
         )
     if draws.divergences:
         found.append(
-            f"{draws.divergences} of {draws.log_density.size} trajectories diverged: narrow corners of the posterior may "
-            "be missing. Raise `target_acceptance`, or look for a parameter that the data do not determine."
+            f"{draws.divergences} of {draws.log_density.size} trajectories diverged: narrow corners of the posterior "
+            "may be missing. Raise `target_acceptance`, or look for a parameter that the data do not determine."
         )
     if not draws.finished and not draws.divergences:
         found.append(f"The sampler did not finish: {draws.message}.")

@@ -17,6 +17,7 @@ from inverse.inference.problem import Problem
 from inverse.sampling.autocorrelation import StopRule, integrated_time
 from inverse.sampling.checkpoint import opened, refuse_other_settings, replaced
 from inverse.sampling.draws import Draws
+from inverse.sampling.inference_data import rank_r_hat
 from inverse.sampling.laplace import Laplace
 from inverse.sampling.target import (
     batched_log_density,
@@ -31,6 +32,7 @@ _SAVE_EVERY_S = 20.0
 """Between two looks, what a killed run may lose [s]."""
 _BURN_IN_TIMES = 5.0
 """Autocorrelation times that are left out at the beginning; never more than half of the run."""
+_RANKED_STEPS = 500
 _GROUP = "mcmc"
 
 
@@ -128,8 +130,8 @@ def sample_ensemble(
         seed: Of every random number of the run.
         most_steps: After which it ends without having met the rule, which the result then says.
         check_every: Steps between two looks at the autocorrelation time.
-        rule: When to stop; 50 autocorrelation times that have settled within 1 % if not given.
-        moves: Of emcee with their weights; if not given, differential evolution (4 of 5) and snooker (1 of 5).
+        rule: When to stop; 50 autocorrelation times that have settled within 1 %, and R-hat below 1.01, if not given.
+        moves: Of emcee with their weights; if not given, the stretch move.
         file: HDF5 file of emcee, which is there at any moment. Where it holds a run of this problem, that goes on.
         chunk: Points whose density is computed at once; None for half of the walkers.
         on_step: Told in words how far it is, at every look.
@@ -146,15 +148,15 @@ def sample_ensemble(
     begun, evaluate = time.monotonic(), batched_log_density(problem, chunk=chunk)
     before = _prepare(file, problem, start, seed)
     backend = Backend() if file is None else _BlockBackend(file)
-    sampler = emcee.EnsembleSampler(
-        len(start), start.shape[1], evaluate, vectorize=True, backend=backend, moves=moves or _default_moves()
-    )
+    sampler = emcee.EnsembleSampler(len(start), start.shape[1], evaluate, vectorize=True, backend=backend, moves=moves)
     done = 0 if file is None else int(backend.iteration)
     if done == 0:
         sampler.random_state = np.random.RandomState(seed).get_state()
     state = None if done else emcee.State(np.array(start))
     if done == 0 and not np.all(np.isfinite(evaluate(start))):
-        raise InputError("a walker starts where the log density is not finite: take starts from `walkers_from_laplace`.")
+        raise InputError(
+            "a walker starts where the log density is not finite: take starts from `walkers_from_laplace`."
+        )
     looks = _Looks(rule, check_every)
     while done < most_steps and not looks.met(sampler, done):
         on_step(f"ensemble: {looks.said or f'{done} steps'}")
@@ -163,10 +165,6 @@ def sample_ensemble(
         done += steps
     looks.met(sampler, done)
     return _result(sampler, looks, seed, done, before + time.monotonic() - begun)
-
-
-def _default_moves() -> list[tuple[emcee.moves.Move, float]]:
-    return [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
 
 
 def _check_walkers(problem: Problem, start: Float[np.ndarray, "walker n"]) -> None:
@@ -203,13 +201,15 @@ def _run_block(
     backend, saved = sampler.backend, time.monotonic()
     if state is None:  # the file's last step
         state = sampler.get_last_sample()
-    for state in sampler.sample(state, iterations=steps, skip_initial_state_check=True):  # noqa: B007  used after it
+    last = state
+    for each in sampler.sample(state, iterations=steps, skip_initial_state_check=True):
+        last = each
         if isinstance(backend, _BlockBackend) and time.monotonic() - saved > _SAVE_EVERY_S:
             backend.write(elapsed())
             saved = time.monotonic()
     if isinstance(backend, _BlockBackend):
         backend.write(elapsed())
-    return state
+    return last
 
 
 @dataclasses.dataclass
@@ -235,16 +235,28 @@ class _Looks:
         else:
             self.before = integrated_time(chain[:last]) if last else np.full(chain.shape[2], np.inf)
         self.times, self.at = integrated_time(chain), done
-        self.said = self.rule.describe(self.before, self.times, done)
-        self.is_met = self.rule.met(self.before, self.times, done)
+        r_hat = _largest_r_hat(chain[_burn_in(self.times, done) :])
+        self.said = self.rule.describe(self.before, self.times, done, r_hat)
+        self.is_met = self.rule.met(self.before, self.times, done, r_hat)
         return self.is_met
+
+
+def _burn_in(times: Float[np.ndarray, " n"], done: int) -> int:
+    longest = float(np.max(times))
+    return int(min(np.ceil(_BURN_IN_TIMES * longest), done // 2)) if np.isfinite(longest) else done // 2
+
+
+def _largest_r_hat(chain: Float[np.ndarray, "step walker n"]) -> float:
+    """Over all coordinates, of at most so many steps spread over the chain; ranks of all would take seconds."""
+    thinned = chain[:: max(len(chain) // _RANKED_STEPS, 1)]
+    found = [rank_r_hat(np.ascontiguousarray(thinned[:, :, index].T)) for index in range(chain.shape[2])]
+    return float(np.max(np.nan_to_num(found, nan=np.inf)))
 
 
 def _result(sampler: emcee.EnsembleSampler, looks: _Looks, seed: int, done: int, seconds: float) -> Draws:
     chain, log_density = np.asarray(sampler.get_chain()), np.asarray(sampler.get_log_prob())
     times = integrated_time(chain) if looks.times is None else looks.times
-    longest = float(np.max(times))
-    burn_in = int(min(np.ceil(_BURN_IN_TIMES * longest), done // 2)) if np.isfinite(longest) else done // 2
+    longest, burn_in = float(np.max(times)), _burn_in(times, done)
     said = looks.said or f"{done} steps"
     message = f"stopped by its rule: {said}" if looks.is_met else _unmet(looks.rule, said)
     return Draws(
@@ -270,6 +282,7 @@ def _result(sampler: emcee.EnsembleSampler, looks: _Looks, seed: int, done: int,
 
 def _unmet(rule: StopRule, said: str) -> str:
     return (
-        f"the rule to stop was not met: {said}, asked for are more than {rule.times:g} times and a change below "
-        f"{100.0 * rule.change:g} %. Raise `most_steps`; with a file, the run goes on where it ended"
+        f"the rule to stop was not met: {said}, asked for are more than {rule.times:g} times, a change below "
+        f"{100.0 * rule.change:g} % and R-hat below {rule.r_hat:g}. Raise `most_steps`; "
+        "with a file, the run goes on where it ended"
     )

@@ -2,8 +2,8 @@ r"""Evidence: the probability of the data under a model, by bridge sampling from
 
 $$ Z = \frac{E_g[h \, q]}{E_p[h \, g]}, \quad h = \frac{1}{s_1 q / Z + s_2 g} $$
 
-with the posterior density $q$ but for its constant, whose draws are $p = q / Z$, and a normal density g that is fitted to
-one half of the draws while the other half enters the ratio (Meng & Wong 1996). It needs no runs of its own, and its
+with the posterior density $q$ but for its constant, whose draws are $p = q / Z$, and a normal density g that is fitted
+to one half of the draws while the other half enters the ratio (Meng & Wong 1996). It needs no runs of its own, and its
 error is known (Fruehwirth-Schnatter 2004), provided that the draws have found all of the posterior.
 """
 
@@ -65,7 +65,8 @@ def bridge_evidence(
     half = count // 2
     if chains * half < 4 * size + 2 or half < 4:
         raise InputError(
-            f"{chains} chains of {count} draws are too few to fit a density of {size} dimensions to their half: run longer."
+            f"{chains} chains of {count} draws are too few to fit a density of {size} dimensions to half of them: "
+            "run longer."
         )
     first, second = draws.unconstrained[:, :half], draws.unconstrained[:, half:]
     fitted = first.reshape(-1, size)
@@ -126,7 +127,7 @@ def _warnings(error: float, overlap: float, converged: bool) -> list[str]:
         found.append(f"The standard error is {error:.2g} nats, above {_LARGEST_ERROR}: take more draws.")
     if not overlap > _SMALLEST_SHARE:
         found.append(
-            f"A normal density fits the posterior badly: proposals are worth {100.0 * overlap:.2g} % of their number, so "
-            "that the standard error itself is doubtful. Compare with other seeds."
+            f"A normal density fits the posterior badly: proposals are worth {100.0 * overlap:.2g} % of their number, "
+            "so that the standard error itself is doubtful. Compare with other seeds."
         )
     return found

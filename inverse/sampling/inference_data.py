@@ -1,7 +1,7 @@
 """ArviZ, hidden: what differs between its versions is here and nowhere else.
 
-ArviZ 0.23 keeps a posterior in its own `InferenceData`, later versions in a `DataTree` of xarray; the groups are the same,
-and so are the files. Functions take plain arrays, and no interval is ever left to a default, which differs, too.
+ArviZ 0.23 keeps a posterior in its own `InferenceData`, later versions in a `DataTree` of xarray; the groups are the
+same, and so are the files. Functions take plain arrays, and no interval is ever left to a default, which differs, too.
 """
 
 import importlib.metadata

@@ -113,7 +113,9 @@ def laplace(
         descended.append(_descend(gradient, start))
     heights = np.array([gradient(each)[0] for each in descended])
     if not np.any(np.isfinite(heights)):
-        raise InputError("the search for the mode left the range of finite log densities from every start; narrow priors.")
+        raise InputError(
+            "the search for the mode left the range of finite log densities from every start; narrow priors."
+        )
     order = np.argsort(-heights)
     on_step("mode: Newton steps")
     mode, decrement = _polish(gradient, descended[order[0]])
@@ -166,7 +168,9 @@ def _expand(
     factor, step = np.eye(len(u)), _FIRST_STEP
     for _ in range(2):
         near, far = (
-            np.stack([(gradient(u + k * step * e)[1] - gradient(u - k * step * e)[1]) / (2.0 * k * step) for e in factor.T])
+            np.stack(
+                [(gradient(u + k * step * e)[1] - gradient(u - k * step * e)[1]) / (2.0 * k * step) for e in factor.T]
+            )
             for k in (1.0, 2.0)
         )
         # Rows are derivatives along the columns of the factor.
@@ -204,7 +208,11 @@ def _polish(gradient: Gradient, u: Float[np.ndarray, " n"]) -> tuple[Float[np.nd
 
 
 def _summary(
-    problem: Problem, gradient: Gradient, mode: Float[np.ndarray, " n"], decrement: float, heights: Float[np.ndarray, " start"]
+    problem: Problem,
+    gradient: Gradient,
+    mode: Float[np.ndarray, " n"],
+    decrement: float,
+    heights: Float[np.ndarray, " start"],
 ) -> Laplace:
     names = coordinate_names(problem.parameters)
     value, _, hessian = _expand(gradient, mode)

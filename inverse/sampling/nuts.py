@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from blackjax.adaptation.base import get_filter_adapt_info_fn
 from blackjax.mcmc.hmc import HMCState
-from jaxtyping import Array, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Float, Int, Key, PRNGKeyArray
 
 from arfjax.errors import InputError
 from inverse.inference.problem import Problem
@@ -32,8 +32,8 @@ class _Chains(eqx.Module):
     """Where all chains stand, and how they move."""
 
     states: HMCState
-    step_size: Float[Array, " chain"]
-    inverse_mass: Float[Array, "chain n n"]
+    step_size: Float[Array, "*chain"]
+    inverse_mass: Float[Array, "*chain n n"]
 
 
 def sample_nuts(
@@ -125,7 +125,7 @@ def _warm_up(
     problem: Problem,
     centre: Float[Array, " n"],
     factor: Float[Array, "n n"],
-    keys: PRNGKeyArray,
+    keys: Key[Array, " chain"],
     positions: Float[Array, "chain n"],
     steps: int,
     target_acceptance: float,
@@ -154,7 +154,7 @@ def _advance(
     centre: Float[Array, " n"],
     factor: Float[Array, "n n"],
     chains: _Chains,
-    keys: PRNGKeyArray,
+    keys: Key[Array, " chain"],
     first: Int[Array, ""],
     count: int,
     most_doublings: int,

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float, Key, PRNGKeyArray
 
 from arfjax.errors import InputError
 from inverse.inference.parameter_set import ParameterSet, Varying
@@ -32,7 +32,6 @@ def batched_log_density(
     Returns:
         A function of points (point, n) that gives their log densities [nats], minus infinity where there is none.
     """
-
     arrays, static = eqx.partition(as_arrays(problem), eqx.is_array)
     leaves, structure = jax.tree.flatten(static)
     compiled = _compiled(structure, tuple(leaves), chunk)
@@ -98,7 +97,7 @@ def as_arrays(problem: Problem) -> Problem:
 
 def batched_values(problem: Problem, points: Float[np.ndarray, "point n"]) -> Float[np.ndarray, "point m"]:
     """Values of the parameters, in their units, for many flat vectors."""
-    return np.array(_values(problem.parameters, jnp.asarray(points)))
+    return np.array(_values(as_arrays(problem).parameters, jnp.asarray(points)))
 
 
 @eqx.filter_jit
@@ -112,11 +111,11 @@ def prior_points(problem: Problem, key: PRNGKeyArray, count: int) -> Float[np.nd
     Raises:
         InputError: if a parameter has no prior.
     """
-    return np.array(_draw(problem.parameters, jax.random.split(key, count)))
+    return np.array(_draw(as_arrays(problem).parameters, jax.random.split(key, count)))
 
 
 @eqx.filter_jit
-def _draw(parameters: ParameterSet, keys: PRNGKeyArray) -> Float[Array, "count n"]:
+def _draw(parameters: ParameterSet, keys: Key[Array, " count"]) -> Float[Array, "count n"]:
     return jax.vmap(parameters.draw)(keys)
 
 
@@ -157,8 +156,8 @@ def usable_points(
             return np.stack(found[:count])
     tried = _DRAWS_TRIED * count
     raise InputError(
-        f"only {len(found)} of {tried} points to start from have a finite log density, needed are {count}: the model or "
-        "its likelihood is not a number there. Check `problem.log_density(problem.start)`, or narrow the priors."
+        f"only {len(found)} of {tried} points to start from have a finite log density, needed are {count}: the model "
+        "or its likelihood is not a number there. Check `problem.log_density(problem.start)`, or narrow the priors."
     )
 
 
@@ -208,6 +207,6 @@ def refuse_other_problem(found: dict, problem: Problem, place: str) -> None:
     before, now = float(found.get("log_density_at_start", np.nan)), float(expected["log_density_at_start"])
     if before != now and not abs(before - now) <= _SAME * max(abs(before), abs(now), 1.0):
         raise InputError(
-            f"{place}: holds draws of another problem, its log density at the start was {before:.8g} and is {now:.8g}: a "
-            "fixed constant or a setting of the model has changed; name another file, or delete it."
+            f"{place}: holds draws of another problem, its log density at the start was {before:.8g} and is {now:.8g}: "
+            "a fixed constant or a setting of the model has changed; name another file, or delete it."
         )
