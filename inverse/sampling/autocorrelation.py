@@ -40,21 +40,18 @@ class StopRule:
     change: float = 0.01
     r_hat: float = 1.01
 
-    def met(self, before: Float[np.ndarray, " n"], now: Float[np.ndarray, " n"], steps: int, r_hat: float) -> bool:
-        """Whether the rule holds, from the estimates at the last look and now, and the largest R-hat."""
+    def long_enough(self, before: Float[np.ndarray, " n"], now: Float[np.ndarray, " n"], steps: int) -> bool:
+        """Whether the rule holds but for R-hat, from the estimates at the last look and now."""
         if not (np.all(np.isfinite(before)) and np.all(np.isfinite(now))):
             return False
-        long = np.all(steps > self.times * now)
-        return bool(long and np.all(np.abs(now - before) < self.change * now) and r_hat < self.r_hat)
+        return bool(np.all(steps > self.times * now) and np.all(np.abs(now - before) < self.change * now))
 
-    def describe(self, before: Float[np.ndarray, " n"], now: Float[np.ndarray, " n"], steps: int, r_hat: float) -> str:
+    def describe(self, before: Float[np.ndarray, " n"], now: Float[np.ndarray, " n"], steps: int) -> str:
         """The chain's length in autocorrelation times and their last change, in words."""
         longest = float(np.max(now))
         if not np.isfinite(longest):
             return f"{steps} steps, in which some coordinate never moved"
-        said = (
-            f"{steps} steps are {steps / longest:.0f} autocorrelation times of {longest:.3g} steps, R-hat {r_hat:.3f}"
-        )
+        said = f"{steps} steps are {steps / longest:.0f} autocorrelation times of {longest:.3g} steps"
         if not np.all(np.isfinite(before)):
             return said
         change = float(np.max(np.abs(now - before) / now))

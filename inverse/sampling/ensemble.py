@@ -32,7 +32,6 @@ _SAVE_EVERY_S = 20.0
 """Between two looks, what a killed run may lose [s]."""
 _BURN_IN_TIMES = 5.0
 """Autocorrelation times that are left out at the beginning; never more than half of the run."""
-_RANKED_STEPS = 500
 _GROUP = "mcmc"
 
 
@@ -235,9 +234,12 @@ class _Looks:
         else:
             self.before = integrated_time(chain[:last]) if last else np.full(chain.shape[2], np.inf)
         self.times, self.at = integrated_time(chain), done
-        r_hat = _largest_r_hat(chain[_burn_in(self.times, done) :])
-        self.said = self.rule.describe(self.before, self.times, done, r_hat)
-        self.is_met = self.rule.met(self.before, self.times, done, r_hat)
+        self.said = self.rule.describe(self.before, self.times, done)
+        self.is_met = self.rule.long_enough(self.before, self.times, done)
+        if self.is_met:  # only then, since ranks of all steps take a second
+            r_hat = _largest_r_hat(chain[_burn_in(self.times, done) :])
+            self.said += f"; R-hat of walkers is {r_hat:.3f}"
+            self.is_met = r_hat <= self.rule.r_hat
         return self.is_met
 
 
@@ -247,9 +249,7 @@ def _burn_in(times: Float[np.ndarray, " n"], done: int) -> int:
 
 
 def _largest_r_hat(chain: Float[np.ndarray, "step walker n"]) -> float:
-    """Over all coordinates, of at most so many steps spread over the chain; ranks of all would take seconds."""
-    thinned = chain[:: max(len(chain) // _RANKED_STEPS, 1)]
-    found = [rank_r_hat(np.ascontiguousarray(thinned[:, :, index].T)) for index in range(chain.shape[2])]
+    found = [rank_r_hat(np.ascontiguousarray(chain[:, :, index].T)) for index in range(chain.shape[2])]
     return float(np.max(np.nan_to_num(found, nan=np.inf)))
 
 
@@ -283,6 +283,6 @@ def _result(sampler: emcee.EnsembleSampler, looks: _Looks, seed: int, done: int,
 def _unmet(rule: StopRule, said: str) -> str:
     return (
         f"the rule to stop was not met: {said}, asked for are more than {rule.times:g} times, a change below "
-        f"{100.0 * rule.change:g} % and R-hat below {rule.r_hat:g}. Raise `most_steps`; "
+        f"{100.0 * rule.change:g} % and R-hat of at most {rule.r_hat:g}. Raise `most_steps`; "
         "with a file, the run goes on where it ended"
     )
