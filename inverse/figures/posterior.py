@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from scipy import ndimage, stats
 
 from arfjax.figures import COLOURS, new_figure, tidy
@@ -86,27 +86,32 @@ def draw_predictions(data: Any, measurement: str, panels: Sequence[Panel], *, co
         columns: Of panels.
     """
     rows = int(np.ceil(len(panels) / columns))
-    figure = new_figure(4.3 * columns, 2.9 * rows + 0.5)
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    for spare in axes[len(panels) :]:
-        spare.remove()
+    figure = new_figure(4.3 * columns, 3.9 * rows + 0.5)
+    axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[2.2, 1.0] * rows)
+    for spare in range(len(panels), rows * columns):
+        for below in (0, 1):
+            axes[2 * (spare // columns) + below, spare % columns].remove()
     drawn, means = (_all_draws(data["posterior_predictive"][f"{measurement}{end}"]) for end in ("", "_mean"))
     observed = data["observed_data"][measurement].to_numpy()
-    for axis, panel in zip(axes, panels, strict=False):
+    for number, panel in enumerate(panels):
+        upper, lower = axes[2 * (number // columns) : 2 * (number // columns) + 2, number % columns]
         order = np.argsort(panel.x)
-        x = panel.x[order]
-        values, centre = panel.shown(drawn[:, panel.rows[order]]), panel.shown(means[:, panel.rows[order]])
-        for level, alpha in zip(reversed(_LEVELS), (0.18, 0.38), strict=True):
-            low, high = np.quantile(values, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
-            axis.fill_between(x, low, high, color=COLOURS[0], alpha=alpha, linewidth=0.0)
-        axis.plot(x, np.median(centre, axis=0), color=COLOURS[0], linewidth=1.4)
-        measured = panel.shown(observed[panel.rows[order]])
-        axis.plot(x, measured, "o", markersize=4.2, markerfacecolor="white", markeredgecolor="black")
-        tidy(axis, x=panel.x_label, y=panel.y_label, title=panel.title)
-        _frequency_axis(axis)
+        one, values = panel.rows[order], panel.shown(drawn[:, panel.rows[order]])
+        centre = np.median(panel.shown(means[:, one]), axis=0)
+        _draw_bands(upper, panel.x[order], values, centre, panel.shown(observed[one]))
+        tidy(upper, x="", y=panel.y_label, title=panel.title)
+        # Bands are mostly too narrow to be seen beside the course of the data.
+        scale, unit = (0.01 * centre, "%") if panel.logarithmic else (1.0, panel.y_label.split("[")[-1].rstrip("]"))
+        departures = ((values - centre) / scale, np.zeros_like(centre), (panel.shown(observed[one]) - centre) / scale)
+        _draw_bands(lower, panel.x[order], *departures)
+        tidy(lower, x=panel.x_label, y=f"off the median [{unit}]")
+        for axis in (upper, lower):
+            _frequency_axis(axis)
+        upper.tick_params(labelbottom=False)
         if panel.logarithmic and np.all(values > 0.0):
-            axis.set_yscale("log")
-            _plain_logarithm(axis)
+            upper.set_yscale("log")
+            _plain_logarithm(upper)
+    figure.align_ylabels()
     handles = [
         Line2D(
             [], [], marker="o", linestyle="none", markerfacecolor="white", markeredgecolor="black", label="measured"
@@ -117,6 +122,14 @@ def draw_predictions(data: Any, measurement: str, panels: Sequence[Panel], *, co
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     return figure
+
+
+def _draw_bands(axis: Axes, x: np.ndarray, values: np.ndarray, centre: np.ndarray, measured: np.ndarray) -> None:
+    for level, alpha in zip(reversed(_LEVELS), (0.18, 0.38), strict=True):
+        low, high = np.quantile(values, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
+        axis.fill_between(x, low, high, color=COLOURS[0], alpha=alpha, linewidth=0.0)
+    axis.plot(x, centre, color=COLOURS[0], linewidth=1.4)
+    axis.plot(x, measured, "o", markersize=4.2, markerfacecolor="white", markeredgecolor="black")
 
 
 def draw_corner(data: Any, names: Sequence[str] | None = None) -> Figure:
@@ -233,7 +246,7 @@ class _Shown:
         if whole:
             below, above = np.quantile(column.prior, [0.01, 0.99])
             low, high = min(low, below), max(high, above)
-        self.logarithmic = bool(low > 0.0 and high / low > 5.0)
+        self.logarithmic = bool(low > 0.0 and high / low > (300.0 if whole else 5.0))
         factor, unit = _prefix(column.unit, float(middle)) if not self.logarithmic or not whole else (1.0, column.unit)
         self.unit = unit
         convert = (lambda v: np.log10(v / factor)) if self.logarithmic else (lambda v: v / factor)
@@ -247,7 +260,7 @@ class _Shown:
         side = axis.xaxis if horizontal else axis.yaxis
         (axis.set_xlim if horizontal else axis.set_ylim)(*self.limits)
         if self.logarithmic:
-            side.set_major_locator(MaxNLocator(4, integer=self.limits[1] - self.limits[0] > 2.0, steps=[1, 2, 5, 10]))
+            side.set_major_locator(FixedLocator(_logarithmic_ticks(*self.limits)))
             side.set_major_formatter(FuncFormatter(_power))
         else:
             side.set_major_locator(MaxNLocator(3, prune="both"))
@@ -262,6 +275,15 @@ class _Shown:
 def _wrapped(text: str) -> str:
     """The unit in a line of its own where the label is long."""
     return text.replace(" [", "\n[") if len(text) > 14 else text
+
+
+def _logarithmic_ticks(low: float, high: float) -> list[float]:
+    """Logarithms of 1, 2 and 5 times powers of ten, or of a few of those powers."""
+    decades = np.arange(np.floor(low), np.ceil(high) + 1.0)
+    if high - low < 1.7:
+        fine = np.add.outer(decades, np.log10([1.0, 2.0, 5.0])).ravel()
+        return [float(tick) for tick in fine if low < tick < high]
+    return [float(tick) for tick in decades[:: max(int((high - low) // 4.0), 1)] if low < tick < high]
 
 
 def _power(exponent: float, _: int) -> str:
@@ -281,7 +303,7 @@ def _density(values: Float[np.ndarray, " draw"], grid: Float[np.ndarray, " place
     finite = values[np.isfinite(values)]
     edges = np.linspace(grid[0], grid[-1], len(grid) + 1)
     spread = min(float(np.std(finite)), float(np.ptp(np.quantile(finite, [0.25, 0.75]))) / 1.34)
-    width = 0.9 * max(spread, 1e-12) * min(len(finite), 4000) ** -0.2
+    width = 0.9 * max(spread, 1e-12) * min(len(finite), 1000) ** -0.2
     counts = np.histogram(finite, edges)[0] / (len(values) * (edges[1] - edges[0]))
     return ndimage.gaussian_filter1d(counts, max(width / (edges[1] - edges[0]), 0.5), mode="nearest")
 

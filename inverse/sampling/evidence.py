@@ -116,7 +116,8 @@ def _mixed(ratio: np.ndarray, log_z: float, log_share: float, log_rest: float) -
 
 
 def _relative_variance(values: np.ndarray) -> float:
-    return float(np.var(values) / np.mean(values) ** 2)
+    mean = float(np.mean(values))
+    return float(np.var(values)) / mean**2 if mean > 0.0 and np.isfinite(mean) else float("inf")
 
 
 def _warnings(error: float, overlap: float, converged: bool) -> list[str]:

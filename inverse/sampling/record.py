@@ -73,7 +73,7 @@ def posterior_record(
         "stopping_reason": draws.message,
         "seconds": draws.seconds,
         "evaluations": draws.evaluations,
-        "arfjax_version": importlib.metadata.version("arfjax"),
+        "arfjax_version": _own_version(),
         "jax_version": jax.__version__,
         "arviz_version": ARVIZ_VERSION,
         "created_at": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
@@ -81,6 +81,13 @@ def posterior_record(
     return bundle(
         groups, {**said, **{f"sampler_{name}": v for name, v in draws.settings.items()}, **(attributes or {})}
     )
+
+
+def _own_version() -> str:
+    try:
+        return importlib.metadata.version("arfjax")
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
 
 
 def _thinned(draws: Draws) -> Draws:
@@ -175,7 +182,9 @@ def _predicted(problem: Problem, points: Float[np.ndarray, "draw n"], key: PRNGK
     @jax.jit
     def predict(u: Float[Array, " n"], one: PRNGKeyArray) -> tuple[dict[str, Array], dict[str, Array]]:
         drawn = {each.name: each.measured for each in problem.draw_data(one, u).measurements}
-        return problem.predictions(u), {name: jnp.asarray(values) for name, values in drawn.items()}
+        model = problem.state_at(u).model
+        means = {each.name: each.predict(model) for each in problem.measurements}
+        return means, {name: jnp.asarray(values) for name, values in drawn.items()}
 
     # One after the other: a batch of fields and displacements need not fit into memory.
     means, drawn = jax.jit(lambda us, keys: jax.lax.map(lambda pair: predict(*pair), (us, keys)))(

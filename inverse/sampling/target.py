@@ -34,12 +34,19 @@ def batched_log_density(
     """
     arrays, static = eqx.partition(as_arrays(problem), eqx.is_array)
     leaves, structure = jax.tree.flatten(static)
-    compiled = _compiled(structure, tuple(leaves), chunk)
+    compiled = _cached(_compiled, structure, tuple(leaves), chunk)
 
     def evaluate(points: Float[np.ndarray, "point n"]) -> Float[np.ndarray, " point"]:
         return np.array(compiled(arrays, points))
 
     return evaluate
+
+
+def _cached(build: Any, *key: Any) -> Any:
+    try:
+        return build(*key)
+    except TypeError:  # a model with settings that cannot be compared: compiled each time
+        return build.__wrapped__(*key)
 
 
 @functools.lru_cache(maxsize=64)
@@ -66,7 +73,7 @@ def gradient_of(
     """Log density and its gradient at one point: all that is compiled for modes and curvatures."""
     arrays, static = eqx.partition(as_arrays(problem), eqx.is_array)
     leaves, structure = jax.tree.flatten(static)
-    compiled = _compiled_gradient(structure, tuple(leaves))
+    compiled = _cached(_compiled_gradient, structure, tuple(leaves))
 
     def evaluate(point: Float[np.ndarray, " n"]) -> tuple[float, Float[np.ndarray, " n"]]:
         value, gradient = compiled(arrays, point)
