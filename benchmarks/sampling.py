@@ -92,8 +92,8 @@ def main() -> None:
     else:
         several = dma_problem(sweeps[SWEEP : SWEEP + 3], across="temperature")
         found = {
-            "one sweep": case(single, draws=2000, most_steps=20_000, walkers=128, repeats=20),
-            "three sweeps of one population": case(several, draws=1000, most_steps=10_000, walkers=128, repeats=20),
+            "one sweep": case(single, draws=1000, most_steps=20_000, walkers=128, repeats=20),
+            "three sweeps of one population": case(several, draws=500, most_steps=5_000, walkers=128, repeats=20),
         }
     options.out.parent.mkdir(parents=True, exist_ok=True)
     options.out.write_text(json.dumps({"machine": platform.machine(), "jax": jax.__version__, **found}, indent=1))

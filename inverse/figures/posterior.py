@@ -104,7 +104,7 @@ def draw_predictions(data: Any, measurement: str, panels: Sequence[Panel], *, co
         scale, unit = (0.01 * centre, "%") if panel.logarithmic else (1.0, panel.y_label.split("[")[-1].rstrip("]"))
         departures = ((values - centre) / scale, np.zeros_like(centre), (panel.shown(observed[one]) - centre) / scale)
         _draw_bands(lower, panel.x[order], *departures)
-        tidy(lower, x=panel.x_label, y=f"off the median [{unit}]")
+        tidy(lower, x=panel.x_label, y=f"off by [{unit}]")
         for axis in (upper, lower):
             _frequency_axis(axis)
         upper.tick_params(labelbottom=False)
@@ -283,12 +283,12 @@ def _logarithmic_ticks(low: float, high: float) -> list[float]:
     if high - low < 1.7:
         fine = np.add.outer(decades, np.log10([1.0, 2.0, 5.0])).ravel()
         return [float(tick) for tick in fine if low < tick < high]
-    return [float(tick) for tick in decades[:: max(int((high - low) // 4.0), 1)] if low < tick < high]
+    return [float(tick) for tick in decades[:: max(int(np.ceil((high - low) / 4.5)), 1)] if low < tick < high]
 
 
 def _power(exponent: float, _: int) -> str:
-    value = 10.0**exponent
-    return f"{value:.3g}" if 0.001 <= value < 10_000.0 else f"$10^{{{exponent:g}}}$"
+    value = float(f"{10.0**exponent:.3g}")
+    return f"{value:g}" if 0.001 <= value < 10_000.0 else f"$10^{{{exponent:g}}}$"
 
 
 def _prefix(unit: str, size: float) -> tuple[float, str]:

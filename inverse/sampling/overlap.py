@@ -25,7 +25,7 @@ class Column:
     title: str
     unit: str
     posterior: Float[np.ndarray, "chain draw"]
-    prior: Float[np.ndarray, " draw"]
+    prior: Float[np.ndarray, " believed"]
 
     @property
     def overlap(self) -> float:

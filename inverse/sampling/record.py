@@ -209,7 +209,7 @@ def _pointwise(problem: Problem, draws: Draws) -> xr.Dataset | None:
     if not free:
         return None
 
-    def terms(u: Float[Array, " n"]) -> dict[str, Float[Array, " n"]]:
+    def terms(u: Float[Array, " n"]) -> dict[str, Array]:
         state = problem.state_at(u)
         return {each.name: _terms(state.noise[each.name], each, each.predict(state.model)) for each in free}
 
