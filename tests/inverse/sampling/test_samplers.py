@@ -1,0 +1,269 @@
+"""Samplers against posteriors with known moments; runs that are killed, resumed, or not what they claim."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from emcee.backends import HDFBackend
+
+from arfjax import InputError
+from inverse.inference.parameter_set import parameter
+from inverse.inference.problem import Problem
+from inverse.priors import Normal, Uniform
+from inverse.sampling import (
+    StopRule,
+    diagnose_draws,
+    laplace,
+    sample_ensemble,
+    sample_nuts,
+    walkers_from_laplace,
+    walkers_from_prior,
+)
+from inverse.sampling.inference_data import standard_error
+from inverse.sampling.target import batched_log_density, coordinate_names, fingerprint
+from tests.inverse.sampling.conjugate import Line, conjugate_problem, exact_posterior
+
+QUICK = {"warmup": 300, "draws": 400, "chunk": 100}
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return conjugate_problem()
+
+
+@pytest.fixture(scope="module")
+def found(problem):
+    return laplace(problem)
+
+
+def assert_moments(draws, problem, *, within=4.0):
+    """Means, deviations and quantiles within four Monte Carlo standard errors of the exact ones."""
+    mean, covariance, _ = exact_posterior(problem)
+    for index, sd in enumerate(np.sqrt(np.diag(covariance))):
+        one = draws.unconstrained[:, :, index]
+        assert abs(one.mean() - mean[index]) < within * standard_error(one, "mean")
+        assert abs(one.std() - sd) < within * standard_error(one, "sd")
+        low = mean[index] - 1.6448536269514722 * sd
+        assert abs(np.quantile(one, 0.05) - low) < within * standard_error(one, "quantile", 0.05)
+    correlation, exact = np.corrcoef(draws.flat.T), covariance / np.sqrt(np.outer(*2 * [np.diag(covariance)]))
+    np.testing.assert_allclose(correlation, exact, atol=0.1)
+
+
+def test_laplace_is_exact_for_a_normal_posterior(problem, found):
+    mean, covariance, evidence = exact_posterior(problem)
+    assert found.converged and found.positive_definite
+    assert found.message == "mode reached by 8 of 8 starts"
+    np.testing.assert_allclose(found.mode, mean, rtol=1e-8)
+    np.testing.assert_allclose(found.covariance, covariance, rtol=1e-8)
+    np.testing.assert_allclose(found.log_evidence, evidence, rtol=1e-9)
+    drawn = found.draw(jax.random.key(0), 20_000)
+    np.testing.assert_allclose(np.cov(drawn.T), covariance, rtol=0.1)
+
+
+def test_laplace_says_which_direction_is_flat(problem):
+    wide = (
+        parameter("tied", "model.coefficients[0]", "m", Normal(0.0, 1e5)),
+        parameter("other", "model.coefficients[1]", "m", Normal(0.0, 1e5)),
+    )
+    twin = np.repeat(np.linspace(-1.0, 1.0, 12)[:, None], 2, axis=1)
+    one = conjugate_problem(2)
+    measurement = one.measurements[0]
+    predict = type(measurement.predict)(twin)
+    same = type(measurement)("line", predict, measurement.measured, measurement.series, measurement.noise, "m")
+    approximated = laplace(Problem(type(problem.parameters)(wide), Line(jnp.zeros(2)), (same,)), n_starts=2)
+    assert not approximated.positive_definite and np.isnan(approximated.log_evidence)
+    assert "does not fall along 0.71 tied -0.71 other" in approximated.message.replace(
+        "0.71 other -0.71 tied", "0.71 tied -0.71 other"
+    )
+    assert np.all(np.isfinite(approximated.draw(jax.random.key(0), 3)))
+
+
+@pytest.mark.slow  # compiling a trajectory takes longest
+def test_nuts_has_the_known_moments(problem, found):
+    said = []
+    draws = sample_nuts(problem, found, seed=1, chains=4, on_step=said.append, **QUICK)
+    assert_moments(draws, problem)
+    assert draws.divergences == 0 and draws.finished and draws.log_density.shape == (4, 400)
+    assert said == ["nuts: warm-up", *(f"nuts: {k} of 400 draws, 0 divergences" for k in (0, 100, 200, 300))]
+    values = batched_log_density(problem)(draws.flat)
+    np.testing.assert_allclose(draws.log_density.ravel(), values, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_ensemble_has_the_known_moments_and_stops_by_its_rule(problem, found):
+    start = walkers_from_laplace(problem, found, count=32)
+    said = []
+    draws = sample_ensemble(problem, start, seed=1, most_steps=8000, check_every=400, on_step=said.append)
+    assert_moments(draws, problem)
+    assert draws.finished and draws.message.startswith("stopped by its rule")
+    assert draws.settings["steps"] > 50 * draws.settings["autocorrelation_time"]
+    assert draws.settings["steps"] % 400 == 0 and len(said) == draws.settings["steps"] // 400
+    assert diagnose_draws(problem, draws).complaints == ()
+
+
+def test_an_ensemble_that_is_too_short_says_so(problem):
+    start = walkers_from_prior(problem, count=32)
+    draws = sample_ensemble(problem, start, seed=1, most_steps=60, check_every=30)
+    assert not draws.finished
+    assert "the rule to stop was not met: 60 steps are" in draws.message and "most_steps" in draws.message
+    assert any("did not finish" in each for each in diagnose_draws(problem, draws).complaints)
+
+
+def test_a_resumed_ensemble_is_the_uninterrupted_one(problem, found, tmp_path):
+    start = walkers_from_laplace(problem, found, count=16)
+    whole = sample_ensemble(problem, start, seed=5, most_steps=200, check_every=50)
+    rule = {"seed": 5, "check_every": 50, "file": tmp_path / "run.h5"}
+    sample_ensemble(problem, start, most_steps=70, **rule)
+    resumed = sample_ensemble(problem, start, most_steps=200, **rule)
+    np.testing.assert_array_equal(resumed.unconstrained, whole.unconstrained)
+    np.testing.assert_array_equal(resumed.log_density, whole.log_density)
+    assert resumed.message == whole.message
+    # The file is emcee's own.
+    assert HDFBackend(str(tmp_path / "run.h5"), read_only=True).get_chain().shape == (200, 16, 3)
+
+
+@pytest.mark.slow
+def test_resumed_chains_of_nuts_are_the_uninterrupted_ones(problem, found, tmp_path):
+    rule = {"seed": 5, "chains": 4, "warmup": 300, "chunk": 100}
+    whole = sample_nuts(problem, found, draws=300, **rule)
+    sample_nuts(problem, found, draws=100, file=tmp_path / "run.h5", **rule)
+    resumed = sample_nuts(problem, found, draws=300, file=tmp_path / "run.h5", **rule)
+    np.testing.assert_array_equal(resumed.unconstrained, whole.unconstrained)
+    np.testing.assert_array_equal(resumed.statistics["n_steps"], whole.statistics["n_steps"])
+
+
+def test_files_of_other_runs_are_refused(problem, found, tmp_path):
+    start, file = walkers_from_laplace(problem, found, count=16), tmp_path / "run.h5"
+    sample_ensemble(problem, start, seed=5, most_steps=10, check_every=10, file=file)
+    for other, said in (
+        (problem.draw_data(jax.random.key(0), problem.start), "its measured data differ"),
+        (conjugate_problem(2), "its parameters differ"),
+        (conjugate_problem(sd=0.5), "data differ"),
+        (
+            Problem(problem.parameters.without(["coefficient_2"]), problem.model, problem.measurements),
+            "parameters differ",
+        ),
+        (Problem(problem.parameters, problem.model, (_louder(problem),)), "its log density at the start was"),
+    ):
+        with pytest.raises(InputError, match=said):
+            sample_ensemble(other, start[:, : other.parameters.size], seed=5, file=file)
+    with pytest.raises(InputError, match="was begun with `seed` 5, asked for is 6"):
+        sample_ensemble(problem, start, seed=6, file=file)
+    with pytest.raises(InputError, match="holds no run of NUTS"):
+        sample_nuts(problem, found, seed=5, file=file)
+    (tmp_path / "no.h5").write_text("not HDF5")
+    for sample in (lambda: sample_ensemble(problem, start, seed=5, file=tmp_path / "no.h5"),
+                   lambda: sample_nuts(problem, found, seed=5, file=tmp_path / "no.h5")):  # fmt: skip
+        with pytest.raises(InputError, match="is no HDF5 file"):
+            sample()
+
+
+def _louder(problem):
+    measurement = problem.measurements[0]
+    noise = type(measurement.noise)(known=2.0 * measurement.noise.known)
+    return type(measurement)("line", measurement.predict, measurement.measured, measurement.series, noise, "m")
+
+
+def test_what_cannot_be_sampled_is_refused(problem, found):
+    start = walkers_from_laplace(problem, found, count=16)
+    with pytest.raises(
+        InputError, match="7 walkers do not suffice for 3 parameters: take an even number of at least 6"
+    ):
+        sample_ensemble(problem, start[:7], seed=0)
+    with pytest.raises(InputError, match="3 unconstrained numbers each, got 2"):
+        sample_ensemble(problem, start[:, :2], seed=0)
+    astray = start.copy()
+    astray[3] = np.inf
+    with pytest.raises(InputError, match="starts where the log density is not finite"):
+        sample_ensemble(problem, astray, seed=0)
+    bare = type(problem.parameters)((parameter("slope", "model.coefficients[0]", "m"),))
+    with pytest.raises(InputError, match="`slope` has no prior, so that there is no posterior"):
+        laplace(problem.with_parameters(bare))
+    with pytest.raises(InputError, match="nothing is free"):
+        laplace(problem.with_parameters(type(problem.parameters)(())))
+
+
+def test_a_density_that_is_nowhere_a_number_is_refused(problem, found):
+    measurement = problem.measurements[0]
+    broken = type(measurement)(
+        "line", measurement.predict, measurement.measured * jnp.nan, measurement.series, measurement.noise, "m"
+    )
+    nowhere = Problem(problem.parameters, problem.model, (broken,))
+    with pytest.raises(InputError, match="not finite at the start nor at any draw of the prior"):
+        laplace(nowhere)
+    with pytest.raises(InputError, match="only 0 of 800 points to start from have a finite log density"):
+        walkers_from_prior(nowhere, count=16)
+
+
+def test_holes_in_the_density_are_walked_around(problem):
+    """A prior that ends leaves no density beyond; walkers and chains stay on this side."""
+    entries = (parameter("coefficient_0", "model.coefficients[0]", "m", Uniform(-1.0, 1.0)),)
+    bounded = problem.with_parameters(type(problem.parameters)(entries))
+    approximated = laplace(bounded)
+    draws = sample_ensemble(
+        bounded, walkers_from_laplace(bounded, approximated, count=8), seed=0, most_steps=100, check_every=50
+    )
+    assert np.all(np.isfinite(draws.log_density))
+    assert coordinate_names(bounded.parameters) == ("coefficient_0",)
+
+
+def test_batches_in_chunks_are_the_same(problem, found):
+    points = found.draw(jax.random.key(1), 13)
+    whole = batched_log_density(problem)(points)
+    np.testing.assert_allclose(batched_log_density(problem, chunk=4)(points), whole, rtol=1e-12)
+    np.testing.assert_allclose(whole, [problem.log_density(jnp.asarray(u)) for u in points], rtol=1e-12)
+    assert fingerprint(problem)["parameters"] == "coefficient_0 [m], coefficient_1 [m], coefficient_2 [m]"
+
+
+def test_stop_rule_in_numbers():
+    rule, settled = StopRule(), np.array([10.0, 20.0])
+    assert rule.long_enough(settled, settled, 1001) and not rule.long_enough(settled, settled, 1000)
+    assert not rule.long_enough(1.02 * settled, settled, 5000) and rule.long_enough(1.009 * settled, settled, 5000)
+    assert not rule.long_enough(np.full(2, np.inf), settled, 5000)
+
+
+KILLED = """
+import sys
+from pathlib import Path
+import jax
+jax.config.update("jax_enable_x64", True)
+from inverse.sampling import laplace, sample_ensemble, sample_nuts, walkers_from_laplace
+from tests.inverse.sampling.conjugate import conjugate_problem
+problem = conjugate_problem()
+found = laplace(problem)
+file = Path(sys.argv[2])
+if sys.argv[1] == "nuts":
+    sample_nuts(problem, found, seed=5, chains=2, warmup=100, draws=10**8, chunk=10, file=file)
+start = walkers_from_laplace(problem, found, count=16)
+sample_ensemble(problem, start, seed=5, most_steps=10**8, check_every=10, file=file)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sampler", ["nuts", "ensemble"])
+def test_a_killed_run_leaves_a_file_that_goes_on(sampler, problem, found, tmp_path):
+    file = tmp_path / "run.h5"
+    child = subprocess.Popen([sys.executable, "-c", KILLED, sampler, str(file)], env={**os.environ, "PYTHONPATH": "."})
+    try:
+        deadline = time.monotonic() + 200.0
+        while not file.exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(1.0)
+    finally:
+        child.send_signal(signal.SIGKILL)
+        child.wait()
+    if sampler == "nuts":
+        resumed = sample_nuts(problem, found, seed=5, chains=2, warmup=100, draws=20, chunk=10, file=file)
+        whole = sample_nuts(problem, found, seed=5, chains=2, warmup=100, draws=20, chunk=10)
+        np.testing.assert_array_equal(resumed.unconstrained[:, :20], whole.unconstrained)
+    else:
+        start = walkers_from_laplace(problem, found, count=16)
+        done = HDFBackend(str(file), read_only=True).iteration
+        again = sample_ensemble(problem, start, seed=5, most_steps=done + 20, check_every=10, file=file)
+        assert again.settings["steps"] >= done
