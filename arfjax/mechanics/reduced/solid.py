@@ -1,0 +1,178 @@
+r"""A push with the motion restricted to a few shapes, and the inclusion known at a few points.
+
+With displacement $u = \sum_i q_i \phi_i$ the march of `arfjax.mechanics.transient` becomes one for the amplitudes q. The
+surroundings are uniform, so that their stiffness is a number times a matrix that is known beforehand. What an inclusion
+adds to it is summed over selected points with weights,
+
+$$ \phi_i^T K \phi_j = 2 G D_{ij} + K E_{ij}
+   + \sum_p w_p \left[ 2 (G_p - G) \, d_i \cdot d_j + (K_p - K) \, \theta_i \theta_j \right]_p , $$
+
+with the change of shape d and the dilatation $\theta$ (its linear part in each element, as the condensed pressure) of the
+shapes. The memory of the inclusion's branches is kept at the points, so that any solid may be there.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from arfjax.mechanics.material.viscoelastic import ViscoelasticField
+from arfjax.mechanics.transient.march import Scheme, mean_decay
+from arfjax.mechanics.transient.push import PushSettings
+
+
+class ReducedSolid(eqx.Module):
+    """Shapes of motion, and the points at which an inclusion is looked at.
+
+    Attributes:
+        mass: Of a unit density [m^3].
+        deviatoric: Stiffness over twice the shear modulus of a uniform solid [m].
+        volumetric: Stiffness over the bulk modulus of a uniform solid [m].
+        shape: Change of shape of each unit of amplitude at the points, each component times the square root of its part
+            in the energy and of the point's weight [m^(1/2)].
+        dilatation: Its relative change of volume, times the square root of the weight [m^(1/2)].
+        at_focus: Axial displacement at the focus of each unit of amplitude [1].
+        r: Radii of the points [m].
+        z: Axial positions of the points [m].
+    """
+
+    mass: Float[Array, "mode mode"]
+    deviatoric: Float[Array, "mode mode"]
+    volumetric: Float[Array, "mode mode"]
+    shape: Float[Array, "3 point mode"]
+    dilatation: Float[Array, "point mode"]
+    at_focus: Float[Array, " mode"]
+    r: Float[Array, " point"]
+    z: Float[Array, " point"]
+
+    @property
+    def n_modes(self) -> int:
+        """Number of shapes."""
+        return self.mass.shape[0]
+
+    def leading(self, n_modes: int) -> "ReducedSolid":
+        """The first shapes alone."""
+        n = n_modes
+        return ReducedSolid(
+            self.mass[:n, :n],
+            self.deviatoric[:n, :n],
+            self.volumetric[:n, :n],
+            self.shape[..., :n],
+            self.dilatation[:, :n],
+            self.at_focus[:n],
+            self.r,
+            self.z,
+        )
+
+
+class _Moduli(eqx.Module):
+    """Twice the shear moduli and the bulk modulus; a branch's stress is kept to `decay` and grows by `gain`."""
+
+    relaxed: Array
+    gain: Array
+    decay: Array
+    bulk: Array
+
+    @classmethod
+    def of(cls, field: ViscoelasticField, time_step: float) -> "_Moduli":
+        """Those of a field of one axial position, the axis of that position left out."""
+        decrement = time_step / field.relaxation_times[..., 0]
+        gain = 2.0 * mean_decay(decrement) * field.branch_shear_moduli[..., 0]
+        return cls(
+            2.0 * field.relaxed_shear_modulus[:, 0], gain, jnp.exp(-decrement), field.bulk_modulus[:, 0]
+        )
+
+    @property
+    def within_a_step(self) -> Array:
+        """Twice the shear modulus that a change of shape in a step meets."""
+        return self.relaxed + jnp.sum(self.gain, axis=0)
+
+
+class _State(eqx.Module):
+    """Amplitudes, their rates, and the stress that branches hold: everywhere as outside, and at the points."""
+
+    amplitude: Float[Array, " mode"]
+    rates: Float[Array, "2 mode"]
+    outside: Float[Array, "branch mode"]
+    inside: Float[Array, "branch 3 point"]
+
+
+def reduced_push(
+    solid: ReducedSolid,
+    outside: ViscoelasticField,
+    inside: ViscoelasticField,
+    force: Float[Array, " mode"],
+    settings: PushSettings,
+) -> Float[Array, ""]:
+    """Axial displacement at the focus [m] at the end of a push that lasts for the whole run.
+
+    Args:
+        solid: Shapes and points.
+        outside: The uniform solid, on a grid of one point.
+        inside: What is at the points, on a grid (point, 1); of the density of the outside.
+        force: Work of the force on a unit of each amplitude [N].
+        settings: Steps in time.
+
+    Accuracy: that of `solve_push` with as many steps, beside what the shapes and the points leave out, which
+        `arfjax.mechanics.reduced.basis` makes small.
+    Differentiability: in both solids and the force, forward and reverse, by going through the steps.
+    """
+    scheme = Scheme(settings.time_step, settings.spectral_radius)
+    around, within = (_Moduli.of(field, settings.time_step) for field in (outside, inside))
+    around = jax.tree.map(lambda each: each[..., 0], around)
+    mass = outside.density[0, 0] * solid.mass
+    extra_relaxed, extra_bulk = within.relaxed - around.relaxed, within.bulk - around.bulk
+    stiff = around.bulk * solid.volumetric + _weighted(solid.dilatation, extra_bulk)
+    elastic = stiff + around.relaxed * solid.deviatoric + _of_shape(solid, extra_relaxed)
+    # What a change of shape in a step meets, branches included.
+    in_step = stiff + around.within_a_step * solid.deviatoric
+    in_step = in_step + _of_shape(solid, within.within_a_step - around.within_a_step)
+    inertia = (1.0 - scheme.old_inertia) / scheme.displacement_gain
+    matrix = inertia * mass + (1.0 - scheme.old_stress) * in_step
+    factor = jax.scipy.linalg.cho_factor(matrix)
+    keeps, gains = (jnp.asarray(each) for each in scheme.update())
+
+    # What the surroundings' branches hold, but for the points, where the inclusion's do.
+    around_points = solid.deviatoric - _of_shape(solid, jnp.ones_like(solid.r))
+    inverse = jax.scipy.linalg.cho_solve(factor, jnp.eye(solid.n_modes))
+
+    def step(state: _State, _: None) -> tuple[_State, None]:
+        rates = keeps @ state.rates
+        left_outside, left_inside = around.decay[:, None] * state.outside, within.decay[:, None, :] * state.inside
+        acceleration = _mix(state.rates[1], rates[1], scheme.old_inertia)
+        stress_outside = jnp.sum(_mix(state.outside, left_outside, scheme.old_stress), axis=0)
+        stress_inside = jnp.sum(_mix(state.inside, left_inside, scheme.old_stress), axis=0)
+        missing = force - mass @ acceleration - elastic @ state.amplitude - around_points @ stress_outside
+        change = inverse @ (missing - jnp.einsum("cpm,cp->m", solid.shape, stress_inside))
+        moved = jnp.einsum("cpm,m->cp", solid.shape, change)
+        return _State(
+            state.amplitude + change,
+            rates + gains[:, None] * change[None, :],
+            left_outside + around.gain[:, None] * change[None, :],
+            left_inside + within.gain[:, None, :] * moved[None],
+        ), None
+
+    nothing = jnp.zeros_like(force)
+    struck = jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(solid.mass), force) / outside.density[0, 0]
+    start = _State(
+        nothing,
+        jnp.stack([nothing, struck]),
+        jnp.zeros((around.gain.shape[0], len(force)), force.dtype),
+        jnp.zeros((within.gain.shape[0], 3, len(solid.r)), force.dtype),
+    )
+    final, _ = jax.lax.scan(step, start, None, length=settings.n_steps)
+    return jnp.dot(solid.at_focus, final.amplitude)
+
+
+def _mix(start: Array, end: Array, share_of_start: float) -> Array:
+    """What a step's balance takes of a quantity."""
+    return share_of_start * start + (1.0 - share_of_start) * end
+
+
+def _weighted(rows: Float[Array, "row mode"], weights: Float[Array, " row"]) -> Float[Array, "mode mode"]:
+    return rows.T @ (weights[:, None] * rows)
+
+
+def _of_shape(solid: ReducedSolid, weights: Float[Array, " point"]) -> Float[Array, "mode mode"]:
+    rows = solid.shape.reshape(-1, solid.n_modes)
+    return _weighted(rows, jnp.tile(weights, 3))
