@@ -116,9 +116,7 @@ class FastCurve(eqx.Module):
 
         def push(temperature: Array) -> Array:
             share = self._share(model, temperature, heating)
-            outside, inside = (
-                _material(model, temperature, each) for each in (jnp.zeros((1, 1)), share[:, None])
-            )
+            outside, inside = (_material(model, temperature, each) for each in (jnp.zeros((1, 1)), share[:, None]))
             force = self._power(model) * self.sound.force_at(model, temperature)[: solid.n_modes]
             return reduced_push(solid, outside, inside, force, self.settings.push_steps(protocol.push_duration))
 
@@ -135,7 +133,22 @@ class FastCurve(eqx.Module):
             return features(model, temperature, size, protocol.push_duration)
 
         values, present = jax.vmap(of_state)(states)
-        return jnp.where(self._same_sound(model), self.box.excess(jax.lax.stop_gradient(values), present), jnp.inf)
+        return jnp.where(self.same_sound(model), self.box.excess(jax.lax.stop_gradient(values), present), jnp.inf)
+
+    def same_sound(self, model: Model) -> Bool[Array, ""]:
+        """Whether all that the table takes as given is as it was.
+
+        Raises:
+            InputError: if the model is not even built alike.
+        """
+        if jax.tree.structure(model) != jax.tree.structure(self.centre):
+            raise InputError(
+                "the model is built otherwise than the one that the fast curve was prepared with (another law, layer "
+                "or thickness): prepare it anew."
+            )
+        pairs = zip(*(jax.tree.leaves(_given(each, self.linear_sound)) for each in (model, self.centre)), strict=True)
+        same = [jnp.all(jnp.abs(jnp.asarray(a) - b) <= 1e-9 * jnp.abs(jnp.asarray(b))) for a, b in pairs]
+        return jnp.all(jnp.stack(same))
 
     def _share(self, model: Model, temperature: Array, heating: Heating) -> Float[Array, " point"]:
         size = lesion_at(model, heating, temperature, self.settings)
@@ -153,19 +166,6 @@ class FastCurve(eqx.Module):
 
     def _power(self, model: Model) -> Scalar:
         return model.drive.acoustic_power / self.centre.drive.acoustic_power if self.linear_sound else 1.0
-
-    def _same_sound(self, model: Model) -> Bool[Array, ""]:
-        """Whether all that the table takes as given is as it was."""
-        if jax.tree.structure(model) != jax.tree.structure(self.centre):
-            raise InputError(
-                "the model is built otherwise than the one that the fast curve was prepared with (another law, layer "
-                "or thickness): prepare it anew."
-            )
-        pairs = zip(
-            *(jax.tree.leaves(_given(each, self.linear_sound)) for each in (model, self.centre)), strict=True
-        )
-        same = [jnp.all(jnp.abs(jnp.asarray(a) - b) <= 1e-9 * jnp.abs(jnp.asarray(b))) for a, b in pairs]
-        return jnp.all(jnp.stack(same))
 
 
 def features(
@@ -189,7 +189,10 @@ def _material(model: Model, temperature: Scalar, share: Float[Array, "rq zq"]) -
 
 
 def _given(model: Model, linear_sound: bool) -> tuple:
-    """All that heat and force depend on, but liver's attenuation and sound speed (and the power of linear sound)."""
+    """All that heat and force depend on, but liver's attenuation and sound speed (and the power of linear sound).
+
+    And the width of the lesion's edge, which no feature of a state tells of.
+    """
 
     def of_sound(tissue):
         return (
@@ -201,4 +204,4 @@ def _given(model: Model, linear_sound: bool) -> tuple:
 
     path = [(of_sound(layer.tissue), layer.tissue.attenuation, layer.tissue.sound_speed) for layer in model.path]
     power = None if linear_sound else model.drive.acoustic_power
-    return (model.bowl, model.drive.frequency, power, path, of_sound(model.liver))
+    return (model.bowl, model.drive.frequency, power, path, of_sound(model.liver), model.lesion.edge)

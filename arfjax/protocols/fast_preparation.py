@@ -10,12 +10,12 @@ from jaxtyping import Array, Bool, Float, Int
 
 from arfjax.errors import InputError
 from arfjax.mechanics.elements.mesh import Mesh
-from arfjax.mechanics.reduced.basis import Sample, Shapes, principal_shapes, push_snapshots, reduced_force, with_points
+from arfjax.mechanics.reduced.basis import Shapes, reduced_force, with_points
 from arfjax.mechanics.reduced.solid import ReducedSolid
 from arfjax.model import Model
 from arfjax.protocols.discretisation import Discretisation, discretise
 from arfjax.protocols.fast_curve import Box, FastCurve, features
-from arfjax.protocols.heated_tissue import push_material
+from arfjax.protocols.fast_training import push_of, seen, shapes_of
 from arfjax.protocols.sound_table import (
     FieldTable,
     Interval,
@@ -24,7 +24,7 @@ from arfjax.protocols.sound_table import (
     liver_constants,
     tabulate_fields,
 )
-from arfjax.protocols.stepwise import StepwiseProtocol, lesion_at, lesion_share
+from arfjax.protocols.stepwise import StepwiseProtocol, lesion_at
 
 OnStep = Callable[[str, int, int], None]
 """Told what is done, how many times it has been done and how many times it is to be."""
@@ -50,7 +50,7 @@ class Effort:
     n_pushes: int = 60
     n_moments: int = 6
     n_modes: int = 40
-    n_terms: int = 8
+    n_terms: int = 16
     tolerance: float = 1e-3
     n_push_steps: int = 30
     n_heat_steps: int = 80
@@ -81,7 +81,7 @@ def prepare_curve(
     settings: Discretisation,
     *,
     heat_settings: Discretisation | None = None,
-    effort: Effort = Effort(),  # noqa: B008  frozen and without state
+    effort: Effort = Effort(),
     on_step: OnStep = lambda what, done, of: None,
 ) -> FastCurve:
     """A fast model of the stepwise protocol for all models like some draws.
@@ -120,8 +120,16 @@ def prepare_curve(
     states = _states(fast, draws, protocols, on_step)
     fast = dataclasses.replace(fast, box=_box(states))
     chosen = _far_apart(states, fast.box, effort.n_pushes)
-    shapes, samples = _seen(fast, draws, protocols, states, chosen, settings, table, effort, on_step)
+    forces = dataclasses.replace(blank, heat=expanded(table.force, *ranges))
+    pushes = []
+    run_of = [push_of(fast, protocol, forces, settings.mesh, effort.n_moments) for protocol, _ in protocols]
+    for done, state in enumerate(chosen):
+        run = run_of[states.protocol[state]]
+        pushes.append(seen(run(draws[states.draw[state]], jnp.asarray(states.temperature[state]))))
+        on_step("pushes", done + 1, len(chosen))
     on_step("points", 0, 1)
+    shapes = shapes_of(pushes, settings, duration=protocols[0][0].push_duration, n_modes=effort.n_modes)
+    samples = [sample for push in pushes for sample in push.samples]
     solid = with_points(settings.mesh, shapes, samples, tolerance=effort.tolerance)
     on_step("points", 1, 1)
     force = _reduced(settings.mesh, shapes, table, ranges)
@@ -167,15 +175,15 @@ def _states(
 ) -> _States:
     """Features of all states of all draws; draws that make no sense are left out."""
     of_protocols = [jax.jit(_features_of(fast, *each)) for each in protocols]
-    parts = []
+    same_sound, parts = jax.jit(lambda draw: fast.same_sound(draw)), []
     for number, draw in enumerate(draws):
+        if not bool(same_sound(draw)):
+            raise InputError(
+                f"draw {number} differs from the first in the transducer, the path, or in constants of sound or of the "
+                "lesion's edge that the fast curve does not follow; it follows liver's attenuation and sound speed."
+            )
         for index, (_, temperatures) in enumerate(protocols):
             values, present = (np.asarray(each) for each in of_protocols[index](draw))
-            if not bool(fast._same_sound(draw)):
-                raise InputError(
-                    f"draw {number} differs from the first in the transducer, the path or constants of sound other than "
-                    "liver's attenuation and sound speed: the fast curve does not follow that."
-                )
             if np.all(np.isfinite(values) | ~present):
                 count = len(temperatures)
                 parts.append((np.full(count, number), np.full(count, index), np.asarray(temperatures), values, present))
@@ -215,72 +223,6 @@ def _far_apart(states: _States, box: Box, count: int) -> Int[np.ndarray, " chose
         distance = np.minimum(distance, np.linalg.norm(places - places[chosen[-1]], axis=1))
         chosen.append(int(np.argmax(distance)))
     return np.asarray(chosen)
-
-
-def _seen(
-    fast: FastCurve,
-    draws: Sequence[Model],
-    protocols: Sequence[tuple[StepwiseProtocol, Float[np.ndarray, " step"]]],
-    states: _States,
-    chosen: Int[np.ndarray, " chosen"],
-    settings: Discretisation,
-    table: FieldTable,
-    effort: Effort,
-    on_step: OnStep,
-) -> tuple[Shapes, list[Sample]]:
-    """Shapes from pushes of the full solid in the states chosen, and the motions at half time and at the end."""
-    mesh = settings.mesh
-    forces = SoundTable(
-        fast.sound.log_attenuation,
-        fast.sound.sound_speed,
-        heat=expanded(table.force, fast.sound.log_attenuation, fast.sound.sound_speed),
-        force=fast.sound.force,
-    )
-
-    def pushed(protocol: StepwiseProtocol) -> Callable[[Model, Array], tuple[Array, Array, Array, Array]]:
-        steps = fast.settings.push_steps(protocol.push_duration)
-        moments = np.unique(np.round(np.linspace(1.0 / effort.n_moments, 1.0, effort.n_moments) * steps.n_steps)).astype(int)
-
-        def run(draw: Model, temperature: Array) -> tuple[Array, Array, Array, Array]:
-            heating = fast.heating(draw, protocol)
-            size = lesion_at(draw, heating, temperature, fast.settings)
-            share = lesion_share(draw, heating, temperature, size, fast.settings, mesh)
-            material = push_material(draw, temperature, share)
-            around = push_material(draw, temperature, jnp.zeros((1, 1)))
-            at_half = jnp.exp(-0.5 * protocol.push_duration / material.relaxation_times)
-            around_at_half = jnp.exp(-0.5 * protocol.push_duration / around.relaxation_times)
-            shear = material.relaxed_shear_modulus + jnp.sum(material.branch_shear_moduli * at_half, axis=0)
-            shear_around = around.relaxed_shear_modulus + jnp.sum(around.branch_shear_moduli * around_at_half, axis=0)
-            moved = push_snapshots(mesh, material, forces.heat_at(draw, temperature), steps, moments)
-            near = (shear - shear_around, material.bulk_modulus - around.bulk_modulus)
-            return moved, *(jnp.where(share > 0.0, each, 0.0) for each in near), jnp.stack(
-                [shear_around[0, 0], around.bulk_modulus[0, 0], around.density[0, 0]]
-            )
-
-        return jax.jit(run)
-
-    run_of = [pushed(protocol) for protocol, _ in protocols]
-    snapshots, samples, uniform = [], [], []
-    for done, state in enumerate(chosen):
-        draw, temperature = draws[states.draw[state]], jnp.asarray(states.temperature[state])
-        moved, shear, bulk, around = (np.asarray(each) for each in run_of[states.protocol[state]](draw, temperature))
-        moved = moved / np.max(np.abs(moved[-1]))
-        snapshots.append(moved)
-        uniform.append(around)
-        if np.any(shear != 0.0):
-            samples += [Sample(moved[k], shear, bulk) for k in (len(moved) // 2 - 1, -1)]
-        on_step("pushes", done + 1, len(chosen))
-    shear, bulk, density = np.median(uniform, axis=0)
-    shapes, _ = principal_shapes(
-        mesh,
-        np.concatenate(snapshots),
-        shear_modulus=float(shear),
-        bulk_modulus=float(bulk),
-        inertia=float(density) / (protocols[0][0].push_duration / 4.0) ** 2,
-        n_modes=effort.n_modes,
-        focus=settings.focus,
-    )
-    return shapes, samples
 
 
 def _reduced(

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from arfjax.acoustics.field import HarmonicField
 from arfjax.acoustics.intensity import heat_deposition
@@ -88,12 +88,6 @@ class SoundTable(eqx.Module):
     def force_at(self, model: Model, temperature: Scalar) -> Float[Array, " mode"]:
         """Reduced force with the liver at `temperature` [degC], for the power of the model that the table is of."""
         return jnp.einsum("ac,acm->m", self._terms(model, temperature), self.force)
-
-    def covers(self, model: Model, temperature: Scalar) -> Bool[Array, ""]:
-        """Whether the liver at `temperature` [degC] is in the range."""
-        attenuation, speed = liver_constants(model, temperature)
-        places = jnp.stack([self.log_attenuation.place(attenuation), self.sound_speed.place(speed)])
-        return jnp.all(jnp.abs(places) <= 1.0)
 
     def _terms(self, model: Model, temperature: Scalar) -> Float[Array, "attenuation speed"]:
         attenuation, speed = liver_constants(model, temperature)

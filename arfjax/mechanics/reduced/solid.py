@@ -1,14 +1,14 @@
 r"""A push with the motion restricted to a few shapes, and the inclusion known at a few points.
 
-With displacement $u = \sum_i q_i \phi_i$ the march of `arfjax.mechanics.transient` becomes one for the amplitudes q. The
-surroundings are uniform, so that their stiffness is a number times a matrix that is known beforehand. What an inclusion
-adds to it is summed over selected points with weights,
+With displacement $u = \sum_i q_i \phi_i$ the march of `arfjax.mechanics.transient` becomes one for the amplitudes q.
+The surroundings are uniform, so that their stiffness is a number times a matrix that is known beforehand. What an
+inclusion adds to it is summed over selected points with weights,
 
 $$ \phi_i^T K \phi_j = 2 G D_{ij} + K E_{ij}
    + \sum_p w_p \left[ 2 (G_p - G) \, d_i \cdot d_j + (K_p - K) \, \theta_i \theta_j \right]_p , $$
 
-with the change of shape d and the dilatation $\theta$ (its linear part in each element, as the condensed pressure) of the
-shapes. The memory of the inclusion's branches is kept at the points, so that any solid may be there.
+with the change of shape d and the dilatation $\theta$ (its linear part in each element, as the condensed pressure) of
+the shapes. The memory of the inclusion's branches is kept at the points, so that any solid may be there.
 """
 
 import equinox as eqx
@@ -78,9 +78,7 @@ class _Moduli(eqx.Module):
         """Those of a field of one axial position, the axis of that position left out."""
         decrement = time_step / field.relaxation_times[..., 0]
         gain = 2.0 * mean_decay(decrement) * field.branch_shear_moduli[..., 0]
-        return cls(
-            2.0 * field.relaxed_shear_modulus[:, 0], gain, jnp.exp(-decrement), field.bulk_modulus[:, 0]
-        )
+        return cls(2.0 * field.relaxed_shear_modulus[:, 0], gain, jnp.exp(-decrement), field.bulk_modulus[:, 0])
 
     @property
     def within_a_step(self) -> Array:
