@@ -49,9 +49,9 @@ class Effort:
 
     n_pushes: int = 60
     n_moments: int = 6
-    n_modes: int = 40
+    n_modes: int = 50
     n_terms: int = 16
-    tolerance: float = 1e-3
+    tolerance: float = 2e-3
     n_push_steps: int = 30
     n_heat_steps: int = 80
 
@@ -235,7 +235,7 @@ def _reduced(
 def _no_solid() -> ReducedSolid:
     nothing = jnp.zeros((0, 0))
     return ReducedSolid(
-        nothing, nothing, nothing, jnp.zeros((3, 0, 0)), jnp.zeros((0, 0)), *(jnp.zeros(0) for _ in range(3))
+        nothing, nothing, nothing, nothing, jnp.zeros((3, 0, 0)), jnp.zeros((0, 0)), *(jnp.zeros(0) for _ in range(3))
     )
 
 

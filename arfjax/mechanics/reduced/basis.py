@@ -103,8 +103,12 @@ def principal_shapes(
     )
     flat = [part.reshape(n_modes, -1) for part in (motion, shape, dilatation)]
     at_axis = np.asarray(interpolation_weights(mesh.z_edges, [focus]))[0]
+    mass, deviatoric, volumetric_stiffness = (jnp.asarray(part @ part.T) for part in flat)
     solid = ReducedSolid(
-        *(jnp.asarray(part @ part.T) for part in flat),
+        mass=mass,
+        deviatoric=deviatoric,
+        beside_points=deviatoric,
+        volumetric=volumetric_stiffness,
         shape=jnp.zeros((3, 0, n_modes)),
         dilatation=jnp.zeros((0, n_modes)),
         at_focus=jnp.asarray(nodal[:, 1, :, 0] @ at_axis),
@@ -161,9 +165,11 @@ def with_points(
     root = np.sqrt(weights)[:, None]
     r, z = _places(mesh)
     places = candidates[chosen]
+    at_points_chosen = shape[:, chosen] * root[None]
     return dataclasses.replace(
         shapes.solid,
-        shape=jnp.asarray(shape[:, chosen] * root[None]),
+        beside_points=shapes.solid.deviatoric - np.einsum("cpm,cpn->mn", at_points_chosen, at_points_chosen),
+        shape=jnp.asarray(at_points_chosen),
         dilatation=jnp.asarray(dilatation[chosen] * root),
         r=jnp.asarray(r[places]),
         z=jnp.asarray(z[places]),

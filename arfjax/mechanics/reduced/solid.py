@@ -27,6 +27,7 @@ class ReducedSolid(eqx.Module):
     Attributes:
         mass: Of a unit density [m^3].
         deviatoric: Stiffness over twice the shear modulus of a uniform solid [m].
+        beside_points: What of the deviatoric stiffness the points do not have [m].
         volumetric: Stiffness over the bulk modulus of a uniform solid [m].
         shape: Change of shape of each unit of amplitude at the points, each component times the square root of its part
             in the energy and of the point's weight [m^(1/2)].
@@ -38,6 +39,7 @@ class ReducedSolid(eqx.Module):
 
     mass: Float[Array, "mode mode"]
     deviatoric: Float[Array, "mode mode"]
+    beside_points: Float[Array, "mode mode"]
     volumetric: Float[Array, "mode mode"]
     shape: Float[Array, "3 point mode"]
     dilatation: Float[Array, "point mode"]
@@ -56,6 +58,7 @@ class ReducedSolid(eqx.Module):
         return ReducedSolid(
             self.mass[:n, :n],
             self.deviatoric[:n, :n],
+            self.beside_points[:n, :n],
             self.volumetric[:n, :n],
             self.shape[..., :n],
             self.dilatation[:, :n],
@@ -87,10 +90,11 @@ class _Moduli(eqx.Module):
 
 
 class _State(eqx.Module):
-    """Amplitudes, their rates, and the stress that branches hold: everywhere as outside, and at the points."""
+    """Amplitudes, their rates, change of shape at the points, and what branches hold: all over as outside, at points."""
 
     amplitude: Float[Array, " mode"]
     rates: Float[Array, "2 mode"]
+    shape: Float[Array, "3 point"]
     outside: Float[Array, "branch mode"]
     inside: Float[Array, "branch 3 point"]
 
@@ -119,9 +123,9 @@ def reduced_push(
     around, within = (_Moduli.of(field, settings.time_step) for field in (outside, inside))
     around = jax.tree.map(lambda each: each[..., 0], around)
     mass = outside.density[0, 0] * solid.mass
-    extra_relaxed, extra_bulk = within.relaxed - around.relaxed, within.bulk - around.bulk
-    stiff = around.bulk * solid.volumetric + _weighted(solid.dilatation, extra_bulk)
-    elastic = stiff + around.relaxed * solid.deviatoric + _of_shape(solid, extra_relaxed)
+    extra = within.relaxed - around.relaxed
+    stiff = around.bulk * solid.volumetric + _weighted(solid.dilatation, within.bulk - around.bulk)
+    elastic = stiff + around.relaxed * solid.deviatoric
     # What a change of shape in a step meets, branches included.
     in_step = stiff + around.within_a_step * solid.deviatoric
     in_step = in_step + _of_shape(solid, within.within_a_step - around.within_a_step)
@@ -129,9 +133,6 @@ def reduced_push(
     matrix = inertia * mass + (1.0 - scheme.old_stress) * in_step
     factor = jax.scipy.linalg.cho_factor(matrix)
     keeps, gains = (jnp.asarray(each) for each in scheme.update())
-
-    # What the surroundings' branches hold, but for the points, where the inclusion's do.
-    around_points = solid.deviatoric - _of_shape(solid, jnp.ones_like(solid.r))
     inverse = jax.scipy.linalg.cho_solve(factor, jnp.eye(solid.n_modes))
 
     def step(state: _State, _: None) -> tuple[_State, None]:
@@ -139,13 +140,16 @@ def reduced_push(
         left_outside, left_inside = around.decay[:, None] * state.outside, within.decay[:, None, :] * state.inside
         acceleration = _mix(state.rates[1], rates[1], scheme.old_inertia)
         stress_outside = jnp.sum(_mix(state.outside, left_outside, scheme.old_stress), axis=0)
-        stress_inside = jnp.sum(_mix(state.inside, left_inside, scheme.old_stress), axis=0)
-        missing = force - mass @ acceleration - elastic @ state.amplitude - around_points @ stress_outside
+        stress_inside = extra[None] * state.shape + jnp.sum(_mix(state.inside, left_inside, scheme.old_stress), axis=0)
+        missing = force - mass @ acceleration - elastic @ state.amplitude
+        # What the surroundings' branches hold, but for the points, where the inclusion's do.
+        missing = missing - solid.beside_points @ stress_outside
         change = inverse @ (missing - jnp.einsum("cpm,cp->m", solid.shape, stress_inside))
         moved = jnp.einsum("cpm,m->cp", solid.shape, change)
         return _State(
             state.amplitude + change,
             rates + gains[:, None] * change[None, :],
+            state.shape + moved,
             left_outside + around.gain[:, None] * change[None, :],
             left_inside + within.gain[:, None, :] * moved[None],
         ), None
@@ -155,6 +159,7 @@ def reduced_push(
     start = _State(
         nothing,
         jnp.stack([nothing, struck]),
+        jnp.zeros((3, len(solid.r)), force.dtype),
         jnp.zeros((around.gain.shape[0], len(force)), force.dtype),
         jnp.zeros((within.gain.shape[0], 3, len(solid.r)), force.dtype),
     )
