@@ -51,14 +51,15 @@ def draws_of(constants: Constants, count: int, *, seed: int, width: float = 1.0)
 
 def prepared(
     constants: Constants, effort: ax.Effort, refinement: float, count: int
-) -> tuple[FastHmi, dict[str, float]]:
+) -> tuple[FastHmi, dict[str, float | int]]:
     """The fast model, and what making it took."""
     start = time.perf_counter()
     model = DESCRIBED.model()
     draws = draws_of(constants, count, seed=0, width=WIDER)
     fast = prepare_fast(draws, curve_of(), ax.discretise(model, refinement=refinement), effort=effort)
-    facts = {"seconds": time.perf_counter() - start, "shapes": fast.curve.solid.n_modes}
-    return fast, facts | {"points": len(fast.curve.solid.r), "draws": count, "pushes": effort.n_pushes}
+    facts: dict[str, float | int] = {"seconds": time.perf_counter() - start, "shapes": fast.curve.solid.n_modes}
+    facts |= {"points": len(fast.curve.solid.r), "draws": count, "pushes": effort.n_pushes}
+    return fast, facts
 
 
 def times(fast: FastHmi, constants: Constants, walkers: tuple[int, ...], repeats: int) -> dict[str, dict | float]:

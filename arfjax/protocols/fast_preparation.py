@@ -52,8 +52,8 @@ class Effort:
     n_modes: int = 50
     n_terms: int = 16
     tolerance: float = 2e-3
-    n_push_steps: int = 30
-    n_heat_steps: int = 80
+    n_push_steps: int = 25
+    n_heat_steps: int = 90
 
 
 @dataclasses.dataclass(frozen=True)
@@ -235,7 +235,7 @@ def _reduced(
 def _no_solid() -> ReducedSolid:
     nothing = jnp.zeros((0, 0))
     return ReducedSolid(
-        nothing, nothing, nothing, nothing, jnp.zeros((3, 0, 0)), jnp.zeros((0, 0)), *(jnp.zeros(0) for _ in range(3))
+        nothing, nothing, nothing, nothing, jnp.zeros((3, 0, 0)), nothing, nothing, *(jnp.zeros(0) for _ in range(3))
     )
 
 

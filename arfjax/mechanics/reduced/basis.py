@@ -25,7 +25,7 @@ from arfjax.mechanics.elements.gauss_points import (
 )
 from arfjax.mechanics.elements.mesh import Mesh, interpolation_weights
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
-from arfjax.mechanics.reduced.solid import ReducedSolid
+from arfjax.mechanics.reduced.solid import ReducedSolid, pairs
 from arfjax.mechanics.transient.march import Loads, Scheme, acceleration, factor_of_a_step, march, prepare
 from arfjax.mechanics.transient.push import PushSettings
 from arfjax.numerics.cubature import few_points
@@ -110,7 +110,8 @@ def principal_shapes(
         beside_points=deviatoric,
         volumetric=volumetric_stiffness,
         shape=jnp.zeros((3, 0, n_modes)),
-        dilatation=jnp.zeros((0, n_modes)),
+        shape_pairs=jnp.zeros((0, n_modes * (n_modes + 1) // 2)),
+        dilatation_pairs=jnp.zeros((0, n_modes * (n_modes + 1) // 2)),
         at_focus=jnp.asarray(nodal[:, 1, :, 0] @ at_axis),
         r=jnp.zeros(0),
         z=jnp.zeros(0),
@@ -170,7 +171,8 @@ def with_points(
         shapes.solid,
         beside_points=shapes.solid.deviatoric - np.einsum("cpm,cpn->mn", at_points_chosen, at_points_chosen),
         shape=jnp.asarray(at_points_chosen),
-        dilatation=jnp.asarray(dilatation[chosen] * root),
+        shape_pairs=jnp.asarray(pairs(at_points_chosen)),
+        dilatation_pairs=jnp.asarray(pairs((dilatation[chosen] * root)[None])),
         r=jnp.asarray(r[places]),
         z=jnp.asarray(z[places]),
     )

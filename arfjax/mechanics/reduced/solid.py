@@ -14,6 +14,7 @@ the shapes. The memory of the inclusion's branches is kept at the points, so tha
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
@@ -31,7 +32,8 @@ class ReducedSolid(eqx.Module):
         volumetric: Stiffness over the bulk modulus of a uniform solid [m].
         shape: Change of shape of each unit of amplitude at the points, each component times the square root of its part
             in the energy and of the point's weight [m^(1/2)].
-        dilatation: Its relative change of volume, times the square root of the weight [m^(1/2)].
+        shape_pairs: Sum over components of the products of the shapes' changes of shape, pair by pair (i <= j) [m].
+        dilatation_pairs: Products of their dilatations likewise [m].
         at_focus: Axial displacement at the focus of each unit of amplitude [1].
         r: Radii of the points [m].
         z: Axial positions of the points [m].
@@ -42,7 +44,8 @@ class ReducedSolid(eqx.Module):
     beside_points: Float[Array, "mode mode"]
     volumetric: Float[Array, "mode mode"]
     shape: Float[Array, "3 point mode"]
-    dilatation: Float[Array, "point mode"]
+    shape_pairs: Float[Array, "point pair"]
+    dilatation_pairs: Float[Array, "point pair"]
     at_focus: Float[Array, " mode"]
     r: Float[Array, " point"]
     z: Float[Array, " point"]
@@ -54,14 +57,16 @@ class ReducedSolid(eqx.Module):
 
     def leading(self, n_modes: int) -> "ReducedSolid":
         """The first shapes alone."""
-        n = n_modes
+        n, (first, second) = n_modes, np.triu_indices(self.n_modes)
+        chosen = np.flatnonzero((first < n) & (second < n))
         return ReducedSolid(
             self.mass[:n, :n],
             self.deviatoric[:n, :n],
             self.beside_points[:n, :n],
             self.volumetric[:n, :n],
             self.shape[..., :n],
-            self.dilatation[:, :n],
+            self.shape_pairs[:, chosen],
+            self.dilatation_pairs[:, chosen],
             self.at_focus[:n],
             self.r,
             self.z,
@@ -90,7 +95,7 @@ class _Moduli(eqx.Module):
 
 
 class _State(eqx.Module):
-    """Amplitudes, their rates, change of shape at the points, and what branches hold: all over as outside, at points."""
+    """Amplitudes, their rates, change of shape at points, and what branches hold: outside and at points."""
 
     amplitude: Float[Array, " mode"]
     rates: Float[Array, "2 mode"]
@@ -124,11 +129,11 @@ def reduced_push(
     around = jax.tree.map(lambda each: each[..., 0], around)
     mass = outside.density[0, 0] * solid.mass
     extra = within.relaxed - around.relaxed
-    stiff = around.bulk * solid.volumetric + _weighted(solid.dilatation, within.bulk - around.bulk)
+    stiff = around.bulk * solid.volumetric + _summed(solid.dilatation_pairs, within.bulk - around.bulk, solid.n_modes)
     elastic = stiff + around.relaxed * solid.deviatoric
     # What a change of shape in a step meets, branches included.
     in_step = stiff + around.within_a_step * solid.deviatoric
-    in_step = in_step + _of_shape(solid, within.within_a_step - around.within_a_step)
+    in_step = in_step + _summed(solid.shape_pairs, within.within_a_step - around.within_a_step, solid.n_modes)
     inertia = (1.0 - scheme.old_inertia) / scheme.displacement_gain
     matrix = inertia * mass + (1.0 - scheme.old_stress) * in_step
     factor = jax.scipy.linalg.cho_factor(matrix)
@@ -172,10 +177,16 @@ def _mix(start: Array, end: Array, share_of_start: float) -> Array:
     return share_of_start * start + (1.0 - share_of_start) * end
 
 
-def _weighted(rows: Float[Array, "row mode"], weights: Float[Array, " row"]) -> Float[Array, "mode mode"]:
-    return rows.T @ (weights[:, None] * rows)
+def pairs(rows: Float[np.ndarray, "component point mode"]) -> Float[np.ndarray, "point pair"]:
+    """Products of every shape with itself and those after it, summed over components."""
+    first, second = np.triu_indices(rows.shape[-1])
+    return sum((each[:, first] * each[:, second] for each in rows), np.zeros((rows.shape[1], len(first))))
 
 
-def _of_shape(solid: ReducedSolid, weights: Float[Array, " point"]) -> Float[Array, "mode mode"]:
-    rows = solid.shape.reshape(-1, solid.n_modes)
-    return _weighted(rows, jnp.tile(weights, 3))
+def _summed(
+    pairs: Float[Array, "point pair"], weights: Float[Array, " point"], n_modes: int
+) -> Float[Array, "mode mode"]:
+    """The symmetric matrix of products summed over the points."""
+    place = np.zeros((n_modes, n_modes), int)
+    place[np.triu_indices(n_modes)] = np.arange(pairs.shape[1])
+    return (weights @ pairs)[np.maximum(place, place.T)]
