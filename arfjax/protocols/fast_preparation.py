@@ -49,9 +49,9 @@ class Effort:
 
     n_pushes: int = 60
     n_moments: int = 6
-    n_modes: int = 50
+    n_modes: int = 60
     n_terms: int = 16
-    tolerance: float = 2e-3
+    tolerance: float = 1e-3
     n_push_steps: int = 25
     n_heat_steps: int = 90
 
