@@ -8,14 +8,15 @@ from scipy.optimize import nnls
 def few_points(
     integrands: Float[np.ndarray, "integrand point"], *, tolerance: float
 ) -> tuple[Int[np.ndarray, " chosen"], Float[np.ndarray, " chosen"]]:
-    """Points and positive weights that sum integrands to within a tolerance of their sum over all points.
+    """Points and positive weights that sum integrands nearly as all points do.
 
-    The integrands are first compressed to their principal combinations, since many of them are much alike; there are
-    at most as many points as combinations.
+    The integrands are first compressed to their principal combinations, since many of them are much alike; those are
+    summed exactly where that can be done with positive weights, and there are at most as many points as combinations.
 
     Args:
         integrands: Value of each at every point, times the weight that the point has among all.
-        tolerance: Root mean square error of the sums over their root mean square.
+        tolerance: Combinations together smaller than half of this share of the sums are left out. What they sum to at
+            the points chosen is not controlled: some ten times as much.
 
     Returns:
         Indices of the points, ascending, and what to multiply their values with.
@@ -24,7 +25,6 @@ def few_points(
         ch. 23; Farhat, Chapman & Avery, Int. J. Numer. Meth. Engng 102 (2015) 1077).
     """
     left, size, right = np.linalg.svd(integrands, full_matrices=False)
-    # What is left out, summed over all points, stays below half of the tolerance.
     sums = size * right.sum(axis=1)
     allowed = 0.5 * tolerance * np.linalg.norm(sums)
     rest = np.sqrt(np.cumsum((size**2)[::-1]))[::-1]

@@ -41,7 +41,8 @@ class Box(eqx.Module):
 
     def excess(self, values: Float[Array, "*state feature"], present: Bool[Array, "*state feature"]) -> Array:
         """Largest distance from the middle over half the width: above 1 outside; infinite where it is no number."""
-        places = jnp.abs(values - self.middle) / self.half
+        middle, half = (jnp.broadcast_to(jnp.asarray(each), values.shape) for each in (self.middle, self.half))
+        places = jnp.abs(values - middle) / half
         places = jnp.where(present, jnp.where(jnp.isnan(places), jnp.inf, places), 0.0)
         return jnp.max(places)
 
@@ -84,7 +85,12 @@ class FastCurve(eqx.Module):
     linear_sound: bool = eqx.field(static=True)
 
     def heating(self, model: Model, protocol: StepwiseProtocol) -> Heating:
-        """The sonication, as `simulate_heating` gives it with `settings`."""
+        """The sonication, as `simulate_heating` gives it with `settings`.
+
+        Raises:
+            InputError: if the model is not built as the one that this was prepared with.
+        """
+        require_alike(model, self.centre)
         heat = self._power(model) * self.sound.heat_at(model, protocol.start_temperature)
         return heating_by(model, heat, protocol, self.settings)
 
@@ -133,22 +139,11 @@ class FastCurve(eqx.Module):
             return features(model, temperature, size, protocol.push_duration)
 
         values, present = jax.vmap(of_state)(states)
-        return jnp.where(self.same_sound(model), self.box.excess(jax.lax.stop_gradient(values), present), jnp.inf)
-
-    def same_sound(self, model: Model) -> Bool[Array, ""]:
-        """Whether all that the table takes as given is as it was.
-
-        Raises:
-            InputError: if the model is not even built alike.
-        """
-        if jax.tree.structure(model) != jax.tree.structure(self.centre):
-            raise InputError(
-                "the model is built otherwise than the one that the fast curve was prepared with (another law, layer "
-                "or thickness): prepare it anew."
-            )
-        pairs = zip(*(jax.tree.leaves(_given(each, self.linear_sound)) for each in (model, self.centre)), strict=True)
-        same = [jnp.all(jnp.abs(jnp.asarray(a) - b) <= 1e-9 * jnp.abs(jnp.asarray(b))) for a, b in pairs]
-        return jnp.all(jnp.stack(same))
+        return jnp.where(
+            same_sound(model, self.centre, linear=self.linear_sound),
+            self.box.excess(jax.lax.stop_gradient(values), present),
+            jnp.inf,
+        )
 
     def _share(self, model: Model, temperature: Array, heating: Heating) -> Float[Array, " point"]:
         size = lesion_at(model, heating, temperature, self.settings)
@@ -166,6 +161,26 @@ class FastCurve(eqx.Module):
 
     def _power(self, model: Model) -> Scalar:
         return model.drive.acoustic_power / self.centre.drive.acoustic_power if self.linear_sound else 1.0
+
+
+def require_alike(model: Model, centre: Model) -> None:
+    """Refuse a model that differs from another in more than numbers.
+
+    Raises:
+        InputError: if it does.
+    """
+    if jax.tree.structure(model) != jax.tree.structure(centre):
+        raise InputError(
+            "the model is built otherwise than the one that the fast curve was prepared with (another law, layer or "
+            "thickness): prepare it anew."
+        )
+
+
+def same_sound(model: Model, centre: Model, *, linear: bool) -> Bool[Array, ""]:
+    """Whether all that the table of sound takes as given is the same in both, built alike; power too if not linear."""
+    pairs = zip(*(jax.tree.leaves(_given(each, linear)) for each in (model, centre)), strict=True)
+    same = [jnp.all(jnp.abs(jnp.asarray(a) - b) <= 1e-9 * jnp.abs(jnp.asarray(b))) for a, b in pairs]
+    return jnp.all(jnp.stack(same))
 
 
 def features(

