@@ -83,8 +83,8 @@ class FastCurve(eqx.Module):
     Not covered: sound that the table does not follow (all but liver's attenuation and sound speed), other thicknesses,
         sonications in which heat changes the field. The box is one of ranges: in its corners, where many constants are
         extreme at once, only a comparison with the full model tells the error.
-    Source: proper orthogonal decomposition and energy-conserving sampling, Farhat, Chapman & Avery, Int. J. Numer. Meth.
-        Engng 102 (2015) 1077.
+    Source: proper orthogonal decomposition and energy-conserving sampling, Farhat, Chapman & Avery, Int. J. Numer.
+        Meth. Engng 102 (2015) 1077.
     """
 
     centre: Model
