@@ -124,7 +124,7 @@ class FastHmi(eqx.Module):
         Raises:
             InputError: if it is not.
         """
-        excess = float(self.excess(model))
+        excess = float(jax.jit(lambda numbers: self.excess(numbers))(jax.tree.map(jnp.asarray, model)))
         if not excess <= 1.0:
             raise InputError(
                 f"the model lies outside of what the fast model was prepared with (excess {excess:.3g}, at most 1): "
