@@ -47,6 +47,7 @@ benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
 	$(BIN)/python -m benchmarks.chain --out results/benchmarks/chain.json
 	$(BIN)/python -m benchmarks.mechanics --out results/benchmarks/mechanics.json
 	$(BIN)/python -m benchmarks.protocols --out results/benchmarks/protocols.json
+	$(BIN)/python -m benchmarks.inference --out results/benchmarks/inference.json
 	$(BIN)/python -m benchmarks.thermal --out results/benchmarks/thermal.json
 
 lock: $(VENV)/.dev  ## newest versions that fit pyproject.toml, for every Python and platform

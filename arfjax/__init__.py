@@ -122,6 +122,9 @@ from arfjax.model import tabulated_size as tabulated_size
 from arfjax.protocols.discretisation import DISPLACEMENT_ACCURACY as DISPLACEMENT_ACCURACY
 from arfjax.protocols.discretisation import Discretisation as Discretisation
 from arfjax.protocols.discretisation import discretise as discretise
+from arfjax.protocols.fast_curve import FastCurve as FastCurve
+from arfjax.protocols.fast_preparation import Effort as Effort
+from arfjax.protocols.fast_preparation import prepare_curve as prepare_curve
 from arfjax.protocols.gaussian_beam import GaussianBeam as GaussianBeam
 from arfjax.protocols.homogeneous import displacement_map as displacement_map
 from arfjax.protocols.ladder import Rung as Rung

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import acoustics, mechanics, protocols
+from benchmarks import acoustics, inference, mechanics, protocols
 
 
 @pytest.mark.slow
@@ -56,3 +56,13 @@ def test_positions_are_stored_ones_a_step_apart(name):
     assert set(z) <= set(stored)
     assert 0.9 * step < np.diff(z).max() <= step
     assert z[0] < acoustics.FOCUS[0] and z[-1] > acoustics.FOCUS[1]
+
+
+@pytest.mark.slow
+def test_benchmark_of_the_fast_model_runs(tmp_path, monkeypatch):
+    out = tmp_path / "inference.json"
+    monkeypatch.setattr(sys, "argv", ["inference", "--quick", "--out", str(out)])
+    inference.main()
+    found = json.loads(out.read_text())
+    assert found["cases"]["single"]["median_s"] > 0.0 and found["cases"]["4 walkers"]["per_walker_s"] > 0.0
+    assert found["errors"]["covered"] == 1.0 and found["errors"]["largest"] < 0.03

@@ -132,14 +132,14 @@ def heating_by(
 
 def lesion_at(model: Model, heating: Heating, temperature: Scalar, settings: Discretisation) -> LesionSize:
     """The lesion when the focus reaches `temperature` [degC]."""
-    return lesion_of(model, temperature, _dose_at(heating, temperature), settings)
+    return lesion_of(model, temperature, dose_at(heating, temperature), settings)
 
 
 def lesion_share(
     model: Model, heating: Heating, temperature: Scalar, size: LesionSize, settings: Discretisation, mesh: Mesh
 ) -> Float[Array, "rq zq"]:
     """Share of the lesion at a mesh's Gauss points when the focus reaches `temperature` [degC], see `share_of`."""
-    return share_of(model, size, _dose_at(heating, temperature), settings, mesh)
+    return share_of(model, size, dose_at(heating, temperature), settings, mesh)
 
 
 def force_at(
@@ -276,7 +276,8 @@ def _time_of(heating: Heating, temperature: Scalar) -> Array:
     return jnp.interp(jnp.asarray(temperature), heating.focal_temperature, heating.time)
 
 
-def _dose_at(heating: Heating, temperature: Scalar) -> Array:
+def dose_at(heating: Heating, temperature: Scalar) -> Float[Array, "r z"]:
+    """Dose in the cells of the heat grid when the focus reaches `temperature` [degC]."""
     return _interpolate_in_time(heating.dose, heating.time, _time_of(heating, temperature))
 
 

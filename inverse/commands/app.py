@@ -10,6 +10,7 @@ from inverse.commands.diagnose import diagnose_command
 from inverse.commands.field import field_command
 from inverse.commands.fit_dma import fit_dma
 from inverse.commands.fit_heating import fit_heating_command
+from inverse.commands.infer import infer_command
 from inverse.commands.monitor import monitor_command
 from inverse.commands.push import push_command
 from inverse.commands.reproduce import reproduce
@@ -36,6 +37,7 @@ app.command("vary")(vary_command)
 app.command()(calibrate)
 app.command("fit-dma")(fit_dma)
 app.command("diagnose")(diagnose_command)
+app.command("infer")(infer_command)
 app.command("fit-heating")(fit_heating_command)
 app.command()(reproduce)
 

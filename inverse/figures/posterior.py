@@ -16,6 +16,7 @@ from scipy import ndimage, stats
 
 from arfjax.figures import COLOURS, new_figure, tidy
 from inverse.datasets.dma import Sweep
+from inverse.datasets.hmi import HmiData
 from inverse.sampling.overlap import Column, record_columns
 
 _LEVELS = (0.5, 0.9)
@@ -36,7 +37,8 @@ class Panel:
         x_label: With unit.
         y_label: With unit.
         shown: From the data's unit to the one of the axis.
-        logarithmic: Whether the ordinate is; the abscissa always is.
+        logarithmic: Whether the ordinate is.
+        frequency: Whether the abscissa is a frequency, on a logarithmic axis.
     """
 
     rows: Int[np.ndarray, " row"]
@@ -46,6 +48,7 @@ class Panel:
     y_label: str
     shown: Callable[[np.ndarray], np.ndarray]
     logarithmic: bool = False
+    frequency: bool = True
 
 
 def dma_panels(sweeps: Sequence[Sweep]) -> list[Panel]:
@@ -74,6 +77,26 @@ def dma_panels(sweeps: Sequence[Sweep]) -> list[Panel]:
             )
             panels.append(angle)
     return panels
+
+
+def hmi_panels(data: HmiData, rows: Int[np.ndarray, " n"]) -> list[Panel]:
+    """The curve of each sonication, of those rows of the file that a measurement holds, in their order."""
+    known = data.temperature is not None
+    place = np.asarray(data.temperature if known else data.time)[rows]
+    labels = np.asarray(data.sonication)[rows]
+    factor, unit = (1.0, "%") if data.in_percent else (1e-6, "µm")
+    return [
+        Panel(
+            np.flatnonzero(labels == label),
+            f"Sonication {label}",
+            place[labels == label],
+            "Temperature at the focus [°C]" if known else "Time [s]",
+            f"Displacement [{unit}]",
+            lambda values: values / factor,
+            frequency=False,
+        )
+        for label in dict.fromkeys(labels)
+    ]
 
 
 def draw_predictions(data: Any, measurement: str, panels: Sequence[Panel], *, columns: int = 2) -> Figure:
@@ -105,7 +128,7 @@ def draw_predictions(data: Any, measurement: str, panels: Sequence[Panel], *, co
         departures = ((values - centre) / scale, np.zeros_like(centre), (panel.shown(observed[one]) - centre) / scale)
         _draw_bands(lower, panel.x[order], *departures)
         tidy(lower, x=panel.x_label, y=f"off by [{unit}]")
-        for axis in (upper, lower):
+        for axis in (upper, lower) if panel.frequency else ():
             _frequency_axis(axis)
         upper.tick_params(labelbottom=False)
         if panel.logarithmic and np.all(values > 0.0):

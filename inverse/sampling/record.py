@@ -182,7 +182,7 @@ def _predicted(problem: Problem, points: Float[np.ndarray, "draw n"], key: PRNGK
     @jax.jit
     def predict(u: Float[Array, " n"], one: PRNGKeyArray) -> tuple[dict[str, Array], dict[str, Array]]:
         drawn = {each.name: each.measured for each in problem.draw_data(one, u).measurements}
-        model = problem.state_at(u).model
+        model = problem.state_of(problem.values(u)).model
         means = {each.name: each.predict(model) for each in problem.measurements}
         return means, {name: jnp.asarray(values) for name, values in drawn.items()}
 
@@ -210,7 +210,7 @@ def _pointwise(problem: Problem, draws: Draws) -> xr.Dataset | None:
         return None
 
     def terms(u: Float[Array, " n"]) -> dict[str, Array]:
-        state = problem.state_at(u)
+        state = problem.state_of(problem.values(u))
         return {each.name: _terms(state.noise[each.name], each, each.predict(state.model)) for each in free}
 
     found = jax.jit(lambda us: jax.lax.map(terms, us))(jnp.asarray(draws.flat))

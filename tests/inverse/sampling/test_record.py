@@ -71,7 +71,7 @@ def test_predictions_scatter_as_the_noise_says(problem, draws, record):
     predictive = record["posterior_predictive"]
     assert predictive["dma"].shape == (1, 40, len(problem.measurements[0].measured))
     u = draws.spread_evenly(40)[11]
-    exact = problem.measurements[0].predict(problem.state_at(jnp.asarray(u)).model)
+    exact = problem.measurements[0].predict(problem.state_of(problem.values(jnp.asarray(u))).model)
     np.testing.assert_allclose(predictive["dma_mean"][0, 11], exact, rtol=1e-9)
     scatter = (predictive["dma"] - predictive["dma_mean"]).to_numpy()
     noise = np.mean(record["posterior"]["noise"].to_numpy() ** 2) ** 0.5

@@ -1,0 +1,1 @@
+"""Pushes of a solid that moves in a few shapes only."""
