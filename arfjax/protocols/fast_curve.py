@@ -77,9 +77,9 @@ class FastCurve(eqx.Module):
         linear_sound: Whether heat and force go with the drive's power.
 
     Accuracy: with 120 draws of the calibration's prior (1.3 times as wide), shapes from the mesh of refinement 2 and
-        the default effort, the normalised curve of the paper's eight temperatures was within 0.3 percent points and
-        0.25 percent of that of refinement 3 for all of 14 fresh draws (benchmarks/inference.py). With 50 shapes, twice
-        the tolerance: 0.55 points. What remains is mostly the coarser heat grid.
+        the default effort, the normalised curve of the paper's eight temperatures was within 0.32 percent points, or
+        0.24 percent of its largest value, of that of refinement 3 for all of 8 fresh draws (benchmarks/inference.py).
+        With 50 shapes and twice the tolerance it was within 0.53 points for 14 draws.
     Not covered: sound that the table does not follow (all but liver's attenuation and sound speed), other thicknesses,
         sonications in which heat changes the field. The box is one of ranges: in its corners, where many constants are
         extreme at once, only a comparison with the full model tells the error.
