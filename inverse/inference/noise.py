@@ -195,28 +195,15 @@ class NoiseModel(eqx.Module):
         return jnp.where(follows, (scaled - correlation * before) / jnp.sqrt(1.0 - correlation**2), scaled)
 
     def _correlated(self, fresh: Float[Array, " n"], series: Series) -> Float[Array, " n"]:
-        correlation = self._correlation(series)
-        order = _in_order(series.previous)
+        correlation, before = self._correlation(series), jnp.asarray(series.previous)
+        new = jnp.sqrt(1.0 - correlation**2) * fresh
 
-        def place(values, index):
-            before = jnp.asarray(series.previous)[index]
-            rho = correlation[index]
-            value = jnp.where(before >= 0, rho * values[before] + jnp.sqrt(1.0 - rho**2) * fresh[index], fresh[index])
-            return values.at[index].set(value), None
+        # As many rounds as the longest series is long would do; the order of the data need not be known.
+        def settle(_: int, values: Float[Array, " n"]) -> Float[Array, " n"]:
+            return jnp.where(before >= 0, correlation * values[before] + new, fresh)
 
-        return jax.lax.scan(place, jnp.zeros_like(fresh), jnp.asarray(order))[0]
+        return jax.lax.fori_loop(0, len(fresh), settle, fresh)
 
 
 def _by_group(values: Float[Array, " n"], series: Series) -> Float[Array, " group"]:
     return jax.ops.segment_sum(values, jnp.asarray(series.group), num_segments=series.n_groups)
-
-
-def _in_order(previous: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
-    """All data, each after the one before it."""
-    depth = np.zeros(len(previous), dtype=int)
-    for _ in range(len(previous)):
-        deeper = np.where(previous >= 0, depth[previous] + 1, 0)
-        if np.array_equal(deeper, depth):
-            break
-        depth = deeper
-    return np.argsort(depth, kind="stable")
