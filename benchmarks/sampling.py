@@ -59,7 +59,7 @@ def case(problem: Problem, *, draws: int, most_steps: int, walkers: int, repeats
     start = walkers_from_laplace(problem, found, count=walkers)
     runs = {"nuts": sample_nuts(problem, found, seed=1, draws=draws, target_acceptance=0.95)}
     again = sample_nuts(problem, found, seed=2, draws=draws, target_acceptance=0.95)
-    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
+    moves = [(emcee.moves.DEMove(), 1.0)]
     runs["emcee, stretch"] = sample_ensemble(problem, start, seed=1, most_steps=most_steps)
     runs["emcee, differential evolution"] = sample_ensemble(problem, start, seed=1, most_steps=most_steps, moves=moves)
     compared = compare(problem, {"nuts": runs["nuts"], "nuts, compiled": again, **runs})
@@ -87,16 +87,18 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     sweeps = group_sweeps(read_dma(shipped("pyvisco_polymer")))
     single = dma_problem(sweeps[SWEEP : SWEEP + 1])
+    several = dma_problem(sweeps[SWEEP : SWEEP + 3], across="temperature")
+    cases = {
+        "one sweep": (single, {"draws": 1000, "most_steps": 20_000, "walkers": 128, "repeats": 20}),
+        "three sweeps of one population": (several, {"draws": 500, "most_steps": 5_000, "walkers": 128, "repeats": 20}),
+    }
     if options.quick:
-        found = {"one sweep": case(single, draws=100, most_steps=400, walkers=32, repeats=2)}
-    else:
-        several = dma_problem(sweeps[SWEEP : SWEEP + 3], across="temperature")
-        found = {
-            "one sweep": case(single, draws=1000, most_steps=20_000, walkers=128, repeats=20),
-            "three sweeps of one population": case(several, draws=500, most_steps=5_000, walkers=128, repeats=20),
-        }
+        cases = {"one sweep": (single, {"draws": 100, "most_steps": 400, "walkers": 32, "repeats": 2})}
+    found: dict = {"machine": platform.machine(), "jax": jax.__version__}
     options.out.parent.mkdir(parents=True, exist_ok=True)
-    options.out.write_text(json.dumps({"machine": platform.machine(), "jax": jax.__version__, **found}, indent=1))
+    for name, (problem, settings) in cases.items():
+        found[name] = case(problem, **settings)
+        options.out.write_text(json.dumps(found, indent=1))  # after each, since they take minutes
     print(json.dumps(found, indent=1))
 
 

@@ -12,7 +12,7 @@ import dataclasses
 import jax
 import numpy as np
 from jaxtyping import Float
-from scipy import special, stats
+from scipy import special
 
 from arfjax.errors import InputError
 from inverse.inference.problem import Problem
@@ -70,18 +70,22 @@ def bridge_evidence(
         )
     first, second = draws.unconstrained[:, :half], draws.unconstrained[:, half:]
     fitted = first.reshape(-1, size)
-    density = stats.multivariate_normal(np.mean(fitted, axis=0), np.atleast_2d(np.cov(fitted.T)), allow_singular=False)
+    centre, factor = np.mean(fitted, axis=0), np.linalg.cholesky(np.atleast_2d(np.cov(fitted.T)))
     n_proposals = min(most_proposals, second.shape[0] * second.shape[1])
     standard = np.array(jax.random.normal(jax.random.key(seed), (n_proposals, size)))
-    proposals = density.mean + standard @ np.linalg.cholesky(np.atleast_2d(density.cov_object.covariance)).T
+    proposals = centre + standard @ factor.T
     # Logarithms of q over g: at draws of the posterior and at proposals.
-    at_draws = draws.log_density[:, half:].ravel() - _log_density(density, second.reshape(-1, size))
-    at_proposals = batched_log_density(problem, chunk=chunk)(proposals) - _log_density(density, proposals)
+    at_draws = draws.log_density[:, half:].ravel() - _log_normal(second.reshape(-1, size), centre, factor)
+    at_proposals = batched_log_density(problem, chunk=chunk)(proposals) - _log_normal(proposals, centre, factor)
     return _bridge(at_draws.reshape(chains, -1), at_proposals)
 
 
-def _log_density(density, points: Float[np.ndarray, "point n"]) -> Float[np.ndarray, " point"]:
-    return np.atleast_1d(density.logpdf(points if points.shape[1] > 1 else points[:, 0]))
+def _log_normal(
+    points: Float[np.ndarray, "point n"], centre: Float[np.ndarray, " n"], factor: Float[np.ndarray, "n n"]
+) -> Float[np.ndarray, " point"]:
+    white = np.linalg.solve(factor, (points - centre).T)
+    constant = 0.5 * len(centre) * np.log(2.0 * np.pi) + np.sum(np.log(np.diag(factor)))
+    return -0.5 * np.sum(white**2, axis=0) - constant
 
 
 def _bridge(at_draws: Float[np.ndarray, "chain draw"], at_proposals: Float[np.ndarray, " proposal"]) -> Evidence:
@@ -105,7 +109,9 @@ def _bridge(at_draws: Float[np.ndarray, "chain draw"], at_proposals: Float[np.nd
     size = float(denominator.size) if not np.isfinite(size) else size
     error = float(np.sqrt(_relative_variance(numerator) / len(numerator) + _relative_variance(denominator) / size))
     # Effective number of proposals as an importance sample, over their number.
-    overlap = float(np.exp(2.0 * special.logsumexp(at_proposals) - special.logsumexp(2.0 * at_proposals)))
+    highest = float(np.max(at_proposals))
+    weights = np.exp(at_proposals - (highest if np.isfinite(highest) else 0.0))
+    overlap = float(np.sum(weights) ** 2 / max(np.sum(weights**2), np.finfo(float).tiny))
     overlap /= len(at_proposals)
     return Evidence(log_z, error, overlap, bool(converged), tuple(_warnings(error, overlap, bool(converged))))
 

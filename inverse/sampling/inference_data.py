@@ -39,7 +39,8 @@ def bundle(groups: Mapping[str, xr.Dataset], attributes: Mapping[str, str | int 
     if hasattr(az, "InferenceData"):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of groups that it does not know
-            return az.InferenceData(attrs=dict(attributes), **groups)
+            gathered: Any = az.InferenceData
+            return gathered(attrs=dict(attributes), **groups)
     tree = xr.DataTree.from_dict(dict(groups))
     tree.attrs.update(attributes)
     return tree
@@ -73,7 +74,8 @@ def load_posterior(path: Path) -> Any:
         raise InputError(f"{path}: is no NetCDF file of a posterior; give one that `save_posterior` wrote.") from None
     if "posterior" not in tree.children:
         raise InputError(f"{path}: has no group `posterior`; give a file that `save_posterior` wrote.")
-    return bundle({name: child.to_dataset(inherit=False) for name, child in tree.children.items()}, tree.attrs)
+    groups = {name: child.to_dataset(inherit=False) for name, child in tree.children.items()}
+    return bundle(groups, {str(name): value for name, value in tree.attrs.items()})
 
 
 def rank_r_hat(draws: Float[np.ndarray, "chain draw"]) -> float:

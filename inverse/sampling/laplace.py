@@ -165,7 +165,7 @@ def _expand(
     and need neither compilation nor rules for second derivatives, which some solvers lack.
     """
     value, slope = gradient(u)
-    factor, step = np.eye(len(u)), _FIRST_STEP
+    factor, step, hessian = np.eye(len(u)), _FIRST_STEP, np.full((len(u), len(u)), np.nan)
     for _ in range(2):
         near, far = (
             np.stack(

@@ -8,6 +8,7 @@ import importlib.metadata
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import blackjax
 import equinox as eqx
@@ -131,7 +132,7 @@ def _warm_up(
     target_acceptance: float,
     most_doublings: int,
 ) -> _Chains:
-    adaptation = blackjax.window_adaptation(
+    adaptation: Any = blackjax.window_adaptation(
         blackjax.nuts,
         _density(problem, centre, factor),
         target_acceptance_rate=target_acceptance,
@@ -160,10 +161,11 @@ def _advance(
     most_doublings: int,
 ) -> tuple[_Chains, tuple[Array, ...]]:
     """So many draws of each chain, of which the first has the number `first`: its random numbers follow from that."""
-    kernel, density = blackjax.nuts.build_kernel(), _density(problem, centre, factor)
+    kernel: Any = blackjax.nuts.build_kernel()
+    density = _density(problem, centre, factor)
 
     def one(chain: _Chains, key: PRNGKeyArray) -> tuple[HMCState, tuple[Array, ...]]:
-        def step(state: HMCState, number: Int[Array, ""]) -> tuple[HMCState, tuple[Array, ...]]:
+        def step(state: Any, number: Int[Array, ""]) -> tuple[Any, tuple[Any, ...]]:
             state, info = kernel(
                 jax.random.fold_in(key, number), state, density, chain.step_size, chain.inverse_mass, most_doublings
             )
@@ -209,7 +211,8 @@ def _read(
         raise InputError(f"{file}: holds no run of NUTS of ours; name another file, or delete it.")
     refuse_other_problem(attributes, problem, str(file))
     refuse_other_settings(attributes, settings, str(file))
-    state = HMCState(*(jnp.asarray(arrays[f"state_{name}"]) for name in ("position", "log_density", "gradient")))
+    state_of: Any = HMCState
+    state = state_of(*(jnp.asarray(arrays[f"state_{name}"]) for name in ("position", "log_density", "gradient")))
     chains = _Chains(state, jnp.asarray(arrays["step_size"]), jnp.asarray(arrays["inverse_mass"]))
     kept = {name: [arrays[name]] for name in ("unconstrained", "log_density", *_STATISTICS)}
     return chains, kept, jnp.asarray(arrays["centre"]), jnp.asarray(arrays["factor"]), float(attributes["seconds"])

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 
+import emcee
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -96,10 +97,11 @@ def test_nuts_has_the_known_moments(problem, found):
 
 
 @pytest.mark.slow
-def test_the_ensemble_has_the_known_moments_and_stops_by_its_rule(problem, found):
+@pytest.mark.parametrize("moves", [None, [(emcee.moves.DEMove(), 1.0)]], ids=["stretch", "difference"])
+def test_the_ensemble_has_the_known_moments_and_stops_by_its_rule(problem, found, moves):
     start = walkers_from_laplace(problem, found, count=32)
     said = []
-    draws = sample_ensemble(problem, start, seed=1, most_steps=8000, check_every=400, on_step=said.append)
+    draws = sample_ensemble(problem, start, seed=1, most_steps=8000, check_every=400, moves=moves, on_step=said.append)
     assert_moments(draws, problem)
     assert draws.finished and draws.message.startswith("stopped by its rule")
     assert draws.settings["steps"] > 50 * draws.settings["autocorrelation_time"]
@@ -178,6 +180,8 @@ def test_what_cannot_be_sampled_is_refused(problem, found):
         sample_ensemble(problem, start[:7], seed=0)
     with pytest.raises(InputError, match="3 unconstrained numbers each, got 2"):
         sample_ensemble(problem, start[:, :2], seed=0)
+    with pytest.raises(InputError, match="snooker move has a wrong acceptance"):
+        sample_ensemble(problem, start, seed=0, moves=[(emcee.moves.DESnookerMove(), 1.0)])
     astray = start.copy()
     astray[3] = np.inf
     with pytest.raises(InputError, match="starts where the log density is not finite"):
