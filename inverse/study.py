@@ -7,10 +7,11 @@ from pathlib import Path
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from arfjax.errors import InputError
 from inverse.inference.audit import Audit, audit
-from inverse.inference.fit import Fit, fit
+from inverse.inference.fit import Fit, as_arrays, fit
 from inverse.inference.problem import Problem
 from inverse.inference.profile import Profile, profiles
 from inverse.sampling import (
@@ -26,6 +27,7 @@ from inverse.sampling import (
     sample_nuts,
     walkers_from_laplace,
 )
+from inverse.uncertainty import delta_method
 
 
 class Sampler(enum.StrEnum):
@@ -43,8 +45,8 @@ class Study:
 
     Attributes:
         problem: What was inferred.
-        fit: Most probable constants.
-        audit: Of the fit.
+        fit: Most probable constants; None where only the posterior was asked for.
+        audit: Of the fit, or None.
         profiles: Of every parameter; none where they were not asked for, or parameters vary from group to group.
         laplace: Normal approximation of the posterior, or None.
         draws: Of the posterior, or None.
@@ -53,13 +55,29 @@ class Study:
     """
 
     problem: Problem
-    fit: Fit
-    audit: Audit
+    fit: Fit | None
+    audit: Audit | None
     profiles: tuple[Profile, ...]
     laplace: Laplace | None = None
     draws: Draws | None = None
     diagnostics: Diagnostics | None = None
     evidence: Evidence | None = None
+
+    @property
+    def estimates(self) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+        """Values and standard errors: of the fit, or of the normal approximation about the posterior's mode."""
+        if self.fit is not None:
+            return self.fit.values, self.fit.uncertainty.standard_errors
+        assert self.laplace is not None  # one of the two is there
+        values, covariance = delta_method(self.problem.values, self.laplace.mode, self.laplace.covariance)
+        return values, np.sqrt(np.diag(covariance))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Everything that a reader of the numbers has to know."""
+        found = [] if self.audit is None else [finding.sentence for finding in self.audit.findings]
+        found += [] if self.laplace is None or self.laplace.converged else [self.laplace.message]
+        return (*found, *(() if self.diagnostics is None else self.diagnostics.complaints))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,7 +90,9 @@ class Effort:
         chains: Of NUTS.
         warmup: Steps of NUTS that are not kept.
         most_steps: Of the ensemble, if its rule for stopping is not met before.
-        with_profiles: Whether to take profiles.
+        with_fit: Whether to fit and audit the fit, which needs second derivatives of all that is simulated: of a whole
+            chain of sound, heat and motion they take longer to compile than a posterior to sample.
+        with_profiles: Whether to take profiles of the fit.
         level: Of intervals of profiles.
         chunk: Points whose density is computed at once; None for as many as there are.
     """
@@ -82,6 +102,7 @@ class Effort:
     chains: int = 4
     warmup: int = 500
     most_steps: int = 20_000
+    with_fit: bool = True
     with_profiles: bool = True
     level: float = 0.95
     chunk: int | None = None
@@ -114,6 +135,23 @@ def infer(
     if sampler is not Sampler.NONE and not problem.parameters.has_priors:
         bare = [entry.name for entry in problem.parameters.entries if entry.parameter.prior is None]
         raise InputError(f"`{bare[0]}` has no prior, so that there is no posterior: give one, or sample nothing.")
+    problem = as_arrays(problem)
+    study = _fitted(problem, seed, effort, on_step) if effort.with_fit else Study(problem, None, None, ())
+    if sampler is Sampler.NONE:
+        return study
+    normal = laplace(problem, seed=seed, n_starts=min(effort.starts, 8), on_step=on_step)
+    study = dataclasses.replace(study, laplace=normal)
+    drawn = _sample(problem, normal, sampler, seed, effort, file, on_step)
+    on_step("diagnostics")
+    table = diagnose_draws(problem, drawn)
+    weighed = None
+    if evidence:
+        on_step("evidence")
+        weighed = bridge_evidence(problem, drawn, seed=seed, chunk=effort.chunk)
+    return dataclasses.replace(study, draws=drawn, diagnostics=table, evidence=weighed)
+
+
+def _fitted(problem: Problem, seed: int, effort: Effort, on_step: Callable[[str], None]) -> Study:
     on_step("fit")
     found = fit(problem, n_starts=effort.starts, seed=seed)
     on_step("audit of the fit")
@@ -122,19 +160,7 @@ def infer(
     if effort.with_profiles and problem.parameters.is_plain:
         on_step("profiles")
         sides = profiles(found, level=effort.level)
-    study = Study(found.problem, found, looked_at, sides)
-    if sampler is Sampler.NONE:
-        return study
-    normal = laplace(found.problem, seed=seed, on_step=on_step)
-    study = dataclasses.replace(study, laplace=normal)
-    drawn = _sample(found.problem, normal, sampler, seed, effort, file, on_step)
-    on_step("diagnostics")
-    table = diagnose_draws(found.problem, drawn)
-    weighed = None
-    if evidence:
-        on_step("evidence")
-        weighed = bridge_evidence(found.problem, drawn, seed=seed, chunk=effort.chunk)
-    return dataclasses.replace(study, draws=drawn, diagnostics=table, evidence=weighed)
+    return Study(problem, found, looked_at, sides)
 
 
 def _sample(

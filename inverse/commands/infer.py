@@ -1,14 +1,16 @@
 """`arfjax infer`: constants with honest uncertainty, from DMA, from HMI or from both at once."""
 
 import enum
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import equinox as eqx
 import jax
 import typer
+from jaxtyping import Array, Float
 
-from arfjax import InputError, discretise, read_experiment
+from arfjax import InputError, Model, discretise, read_experiment
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.infer_report import parameter_rows, report, results, write_parameters
 from inverse.commands.output import output_directory, write_figures, write_summary
@@ -24,6 +26,7 @@ from inverse.figures.posterior import (
     draw_traces,
     hmi_panels,
 )
+from inverse.hmi_model import Sweep as Plan
 from inverse.hmi_model import plan_sweeps
 from inverse.inference.dma import dma_measurement, dma_problem, of_liver
 from inverse.inference.experiment import InferenceSettings, anchored, inference_problem, inference_settings
@@ -76,6 +79,8 @@ def infer_command(
     given = {"experiment": experiment, "dma": dma, "hmi": hmi}
     if dma is None and hmi is None:
         raise InputError("nothing to infer from: give --dma FILE, --hmi FILE or both.")
+    if hmi is not None and sampler is Sampler.NONE:
+        raise InputError("HMI without a sampler has nothing to do here: `arfjax calibrate` fits HMI.")
     if hmi is not None and experiment is None:
         raise InputError("HMI needs an experiment file: `arfjax infer EXPERIMENT.toml --hmi FILE --out DIR`.")
     sweeps = [] if dma is None else _sweeps(dma, temperature, across, alone=experiment is None)
@@ -83,7 +88,8 @@ def infer_command(
         starts=starts if hmi is None else min(starts, 4),
         draws=draws,
         most_steps=steps,
-        with_profiles=profiles and hmi is None,
+        with_fit=hmi is None,
+        with_profiles=profiles,
         chunk=None if hmi is None else _BATCH,
     )
     out.mkdir(parents=True, exist_ok=True)
@@ -125,7 +131,12 @@ def _sweeps(path: Path, temperature: float | None, across: Across, *, alone: boo
 
 
 def _problem(
-    experiment: Path | None, sweeps: list[Sweep], hmi: Path | None, across: Across, seed: int, say
+    experiment: Path | None,
+    sweeps: list[Sweep],
+    hmi: Path | None,
+    across: Across,
+    seed: int,
+    say: Callable[[str], None],
 ) -> tuple[Problem, dict[str, list[Panel]], "_Fast | None"]:
     """What is inferred, how it is drawn, and the fast model if there is one."""
     panels = {"dma": dma_panels(sweeps)} if sweeps else {}
@@ -153,6 +164,11 @@ def _problem(
     return problem, panels, _Fast(fast, n_rows, data.in_percent)
 
 
+def _not_asked(model: Model) -> Float[Array, " n"]:
+    """Prediction of a measurement that only says what is free."""
+    raise NotImplementedError
+
+
 class _Fast(eqx.Module):
     """The fast model with what it takes to ask it."""
 
@@ -163,15 +179,15 @@ class _Fast(eqx.Module):
 
 def _prepared(
     settings: InferenceSettings,
-    model,
+    model: Model,
     data: HmiData,
-    plan,
+    plan: tuple[Plan, ...],
     measurements: list[Measurement],
     seed: int,
-    say,
+    say: Callable[[str], None],
 ) -> FastHmi:
     """Learnt from models drawn from priors a third wider than those of the inference."""
-    measured = hmi_measurement(data, lambda each: each, reference_temperature=settings.reference_temperature_c)
+    measured = hmi_measurement(data, _not_asked, reference_temperature=settings.reference_temperature_c)
     problem = inference_problem(settings, model, (*measurements, measured))
     wide = widened(problem.parameters, _WIDER)
     keys = jax.random.split(jax.random.key(seed + 1), _TRAINING)
@@ -185,7 +201,7 @@ def _prepared(
     )
 
 
-def _verified(study: Study, fast: _Fast, say) -> Verification:
+def _verified(study: Study, fast: _Fast, say: Callable[[str], None]) -> Verification:
     """Some draws of the posterior by the full model."""
     assert study.draws is not None
     points = study.draws.spread_evenly(_VERIFIED)
@@ -215,6 +231,4 @@ def _write_posterior(folder: Path, study: Study, panels: dict[str, list[Panel]],
 def _show(study: Study, out: Path) -> None:
     header, rows = parameter_rows(study)
     show_table("constants", header, rows, left=2)
-    complaints = [] if study.diagnostics is None else list(study.diagnostics.complaints)
-    notes = [finding.sentence for finding in study.audit.findings]
-    show_lines([*notes, *complaints, f"written to {out}"])
+    show_lines([*study.warnings, f"written to {out}"])

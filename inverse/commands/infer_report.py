@@ -47,17 +47,21 @@ def parameter_rows(study: Study) -> tuple[tuple[str, ...], list[list[str]]]:
 def results(study: Study, checked: Verification | None) -> dict[str, Any]:
     """What summary.json holds of the results."""
     found: dict[str, Any] = {
-        "converged": study.fit.converged,
-        "status": study.fit.status,
-        "method": study.fit.method.value,
-        "cost": quantity(study.fit.cost, "nats"),
-        "condition_number": study.audit.identification.condition_number,
         "parameters": {
             str(row["parameter"]): quantity(row["estimate"], str(row["unit"]), row["standard_error"])
             for row in _rows(study)
         },
-        "audit": [{"kind": each.kind.value, "sentence": each.sentence} for each in study.audit.findings],
+        "warnings": list(study.warnings),
     }
+    if study.fit is not None and study.audit is not None:
+        found["fit"] = {
+            "converged": study.fit.converged,
+            "status": study.fit.status,
+            "method": study.fit.method.value,
+            "cost": quantity(study.fit.cost, "nats"),
+            "condition_number": study.audit.identification.condition_number,
+            "audit": [{"kind": each.kind.value, "sentence": each.sentence} for each in study.audit.findings],
+        }
     if study.draws is not None and study.diagnostics is not None:
         found["posterior"] = {
             "sampler": study.draws.sampler,
@@ -78,15 +82,20 @@ def report(study: Study, inputs: Mapping[str, Path], figures: Sequence[str], che
     """The report, as Markdown."""
     header, rows = parameter_rows(study)
     lines = [f"# Inference from {' and '.join(path.name for path in inputs.values())}", ""]
-    lines += [f"Fit by {study.fit.method.value}: {study.fit.status}.", "", *_table(header, rows), ""]
-    lines += ["## What the fit can be trusted with", ""]
-    lines += [f"- {each.sentence}" for each in study.audit.findings] or ["Nothing was found wrong with it."]
-    lines += [f"- {one.name}, profile: {side}." for one in study.profiles for side in _open_ends(one)]
-    condition = study.audit.identification.condition_number
-    lines += ["", f"Condition number of the Fisher information: {condition:.3g}.", ""]
+    lines += [*_table(header, rows), "", *_fit_lines(study)]
     lines += _posterior_lines(study, checked)
     lines += ["## What was believed before", "", *_table(("parameter", "prior", "source"), _beliefs(study)), ""]
     return "\n".join([*lines, *(f"![{name}]({name})" for name in figures), ""])
+
+
+def _fit_lines(study: Study) -> list[str]:
+    if study.fit is None or study.audit is None:
+        return ["The first numbers are those of the posterior's mode, with a normal density about it.", ""]
+    lines = [f"Fit by {study.fit.method.value}: {study.fit.status}.", "", "## What the fit can be trusted with", ""]
+    lines += [f"- {each.sentence}" for each in study.audit.findings] or ["Nothing was found wrong with it."]
+    lines += [f"- {one.name}, profile: {side}." for one in study.profiles for side in _open_ends(one)]
+    condition = study.audit.identification.condition_number
+    return [*lines, "", f"Condition number of the Fisher information: {condition:.3g}.", ""]
 
 
 def _posterior_lines(study: Study, checked: Verification | None) -> list[str]:
@@ -120,9 +129,8 @@ def _rows(study: Study) -> list[dict[str, Any]]:
     drawn = {} if study.diagnostics is None else {row.name: row for row in study.diagnostics.rows}
     rows = []
     for (name, unit, _), value, error, belief in zip(
-        study.fit.columns,
-        study.fit.values,
-        study.fit.uncertainty.standard_errors,
+        study.problem.parameters.columns,
+        *study.estimates,
         study.problem.parameters.beliefs,
         strict=True,
     ):
