@@ -59,9 +59,9 @@ def case(problem: Problem, *, draws: int, most_steps: int, walkers: int, repeats
     start = walkers_from_laplace(problem, found, count=walkers)
     runs = {"nuts": sample_nuts(problem, found, seed=1, draws=draws, target_acceptance=0.95)}
     again = sample_nuts(problem, found, seed=2, draws=draws, target_acceptance=0.95)
-    moves = [(emcee.moves.DEMove(), 1.0)]
-    runs["emcee, stretch"] = sample_ensemble(problem, start, seed=1, most_steps=most_steps)
-    runs["emcee, differential evolution"] = sample_ensemble(problem, start, seed=1, most_steps=most_steps, moves=moves)
+    moves = [(emcee.moves.StretchMove(), 1.0)]
+    runs["emcee, differential evolution"] = sample_ensemble(problem, start, seed=1, most_steps=most_steps)
+    runs["emcee, stretch"] = sample_ensemble(problem, start, seed=1, most_steps=most_steps, moves=moves)
     compared = compare(problem, {"nuts": runs["nuts"], "nuts, compiled": again, **runs})
     evidences = {name: bridge_evidence(problem, run) for name, run in runs.items()}
     return {

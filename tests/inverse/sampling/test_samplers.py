@@ -97,7 +97,7 @@ def test_nuts_has_the_known_moments(problem, found):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("moves", [None, [(emcee.moves.DEMove(), 1.0)]], ids=["stretch", "difference"])
+@pytest.mark.parametrize("moves", [None, [(emcee.moves.StretchMove(), 1.0)]], ids=["difference", "stretch"])
 def test_the_ensemble_has_the_known_moments_and_stops_by_its_rule(problem, found, moves):
     start = walkers_from_laplace(problem, found, count=32)
     said = []
