@@ -92,9 +92,9 @@ def infer_command(
         with_profiles=profiles,
         chunk=None if hmi is None else _BATCH,
     )
-    out.mkdir(parents=True, exist_ok=True)
     with working("reading") as say:
         problem, panels, fast = _problem(experiment, sweeps, hmi, across, seed, say)
+        out.mkdir(parents=True, exist_ok=True)
         file = out / "run.h5" if sampler in (Sampler.NUTS, Sampler.EMCEE) else None
         study = infer(problem, sampler=sampler, seed=seed, effort=effort, evidence=evidence, file=file, on_step=say)
         checked = None if fast is None or study.draws is None else _verified(study, fast, say)
