@@ -199,7 +199,7 @@ class NoiseModel(eqx.Module):
         new = jnp.sqrt(1.0 - correlation**2) * fresh
 
         # As many rounds as the longest series is long would do; the order of the data need not be known.
-        def settle(_: int, values: Float[Array, " n"]) -> Float[Array, " n"]:
+        def settle(_, values: Float[Array, " n"]) -> Float[Array, " n"]:
             return jnp.where(before >= 0, correlation * values[before] + new, fresh)
 
         return jax.lax.fori_loop(0, len(fresh), settle, fresh)
