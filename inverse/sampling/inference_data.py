@@ -24,6 +24,8 @@ with warnings.catch_warnings():
 ENGINE = "h5netcdf"
 
 ARVIZ_VERSION = importlib.metadata.version("arviz")
+# By its number: later versions warn when they are asked for what they no longer have.
+_HAS_INFERENCE_DATA = ARVIZ_VERSION.startswith("0.")
 
 
 def bundle(groups: Mapping[str, xr.Dataset], attributes: Mapping[str, str | int | float]) -> Any:
@@ -36,7 +38,7 @@ def bundle(groups: Mapping[str, xr.Dataset], attributes: Mapping[str, str | int 
     Returns:
         `arviz.InferenceData`, or `xarray.DataTree` where ArviZ has none.
     """
-    if hasattr(az, "InferenceData"):
+    if _HAS_INFERENCE_DATA:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of groups that it does not know
             gathered: Any = az.InferenceData
@@ -49,7 +51,7 @@ def bundle(groups: Mapping[str, xr.Dataset], attributes: Mapping[str, str | int 
 def groups_of(data: Any) -> dict[str, xr.Dataset]:
     """Groups of an object of ArviZ by name."""
     if isinstance(data, xr.DataTree):
-        return {name: child.to_dataset() for name, child in data.children.items()}
+        return {name: child.to_dataset(inherit=False) for name, child in data.children.items()}
     return {name: data[name] for name in data.groups()}
 
 
