@@ -75,7 +75,8 @@ class DmaCause(eqx.Module):
         unit: Of the strength.
         sign: 1 if the strength cannot be negative, 0 if it may have either sign.
         plausible: Scale of strengths that one would believe; half-normal or normal prior.
-        shapes: Values of a second parameter, each tried in turn; (0.0,) for a cause without one.
+        shapes: Values of a second parameter to screen, ascending; (0.0,) for a cause without one. A refit moves it
+            between the first and the last.
         shape_means: What the second parameter is; empty for a cause without one.
         sentence: The physics in one sentence.
         helps: The measurement that would show it where these data cannot.
@@ -99,7 +100,7 @@ class DmaCause(eqx.Module):
         return constants
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Modulus that the instrument reports [Pa]."""
         del state, strength, shape
@@ -115,7 +116,12 @@ class Extension(eqx.Module):
     """
 
     cause: DmaCause
-    shape: float = eqx.field(static=True)
+    shape: Strength
+
+    @property
+    def has_shape(self) -> bool:
+        """Whether the cause has a second parameter."""
+        return len(self.cause.shapes) > 1
 
 
 def predicted_modulus(

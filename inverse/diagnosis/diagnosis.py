@@ -153,10 +153,12 @@ def diagnose_dma(
         extended = fit_extended(problem, added, noise, examined.linear_strengths(added))
         if gain:
             on_step("measuring the gain on data left out")
-            worth = held_out_gain(problem, added, noise, extended.strengths)
+            worth = held_out_gain(problem, extended.extensions, noise, extended.strengths)
     directions, left = examined.fitted, examined.residuals
     if extended is not None:
-        directions = problem.extended_directions(extended.constants, added[0], float(extended.strengths[0]))
+        directions = problem.extended_directions(
+            extended.constants, extended.extensions[0], float(extended.strengths[0])
+        )
         left = extended.residuals
     gate = noise_gate(Screen(directions, (), examined.family), left, problem, rng, replicates=replicates)
     if verdict == "adequate" and not gate.as_thought:
@@ -190,7 +192,7 @@ def _with_dominant(examined: Examined) -> Decision:
     for name in decision.candidates:
         extension = examined.extension(name)
         start = examined.linear_strengths((extension,))
-        refit = fit_extended(examined.problem, (extension,), examined.family[0], start)
+        refit = fit_extended(examined.problem, (extension,), examined.family[0], start, profile=False)
         after[name] = float(np.sum(refit.residuals**2))
     ranked = sorted(after, key=lambda name: after[name])
     if not ranked or after[ranked[0]] > DOMINANT_SHARE * before:
@@ -230,14 +232,16 @@ def _report(examined: Examined, decision: Decision, name: str) -> CauseReport:
     visible = float(visibility(direction, examined.fitted)[0])
     error = examined.size / max(float(np.linalg.norm(direction)) * visible, 1e-300)
     estimate, interval, converged = float(strength[0]), _interval(float(strength[0]), error, extension.cause), True
+    shape = examined.alternative(name).shape
     if name in decision.candidates:
         noise = examined.family[decision.tests[name].null_noise]
         refit = fit_extended(examined.problem, (extension,), noise, strength)
         estimate, converged = float(refit.strengths[0]), refit.converged
         interval = (float(refit.intervals[0, 0]), float(refit.intervals[0, 1]))
+        shape = None if shape is None else float(refit.extensions[0].shape)
     return CauseReport(
         cause=extension.cause,
-        shape=examined.alternative(name).shape,
+        shape=shape,
         statistic=float(decision.omnibus.statistics[row]),
         p_value=float(decision.omnibus.p_family[row]),
         p_alone=float(np.exp(decision.omnibus.log_p[row])),

@@ -90,21 +90,13 @@ class DmaProblem:
     def extended_directions(
         self, constants: Float[np.ndarray, "sweep 4"], extension: Extension, strength: float
     ) -> Float[np.ndarray, "n p"]:
-        """Derivative of the weighted prediction in all constants and in the strength, anywhere; and in the shape.
-
-        A cause's shape is one of a few values; the slopes at the values next to it stand in for those in between.
-        """
+        """Derivative of the weighted prediction in all constants, in the strength and in the shape, anywhere."""
         count = len(self.model.constants())
-        at = jnp.asarray(constants), jnp.asarray(strength)
-        in_constants, in_strength = _in_everything(*at, self.conditions, extension, self.has_phase)
-        columns = np.asarray(in_constants)[..., :count].reshape(*self.weights.shape, -1)
-        columns = [columns, np.asarray(in_strength)[..., None]]
-        shapes = extension.cause.shapes
-        place = shapes.index(extension.shape) if extension.shape in shapes else -1
-        for neighbour in (place - 1, place + 1) if place >= 0 else ():
-            if 0 <= neighbour < len(shapes):
-                other = Extension(extension.cause, shapes[neighbour])
-                columns.append(np.asarray(_in_everything(*at, self.conditions, other, self.has_phase)[1])[..., None])
+        at = jnp.asarray(constants), jnp.asarray(strength), jnp.asarray(extension.shape, dtype=float)
+        slopes = _in_everything(*at, self.conditions, extension.cause, self.has_phase)
+        in_constants, in_strength, in_shape = (np.asarray(slope) for slope in slopes)
+        columns = [in_constants[..., :count].reshape(*self.weights.shape, -1), in_strength[..., None]]
+        columns += [in_shape[..., None]] if extension.has_shape else []
         together = np.concatenate(columns, axis=-1)
         return (self.weights[:, :, None] * together).reshape(self.weights.size, -1)
 
@@ -300,11 +292,11 @@ def _in_constants(constants, conditions, has_phase):
 
 
 @eqx.filter_jit
-def _in_everything(constants, strength, conditions, extension, has_phase):
-    def response(constants, strength):
-        return predict_coordinates(constants, conditions, (extension,), strength[None], has_phase)
+def _in_everything(constants, strength, shape, conditions, cause, has_phase):
+    def response(constants, strength, shape):
+        return predict_coordinates(constants, conditions, (Extension(cause, shape),), strength[None], has_phase)
 
-    return jax.jacfwd(response, argnums=(0, 1))(constants, strength)
+    return jax.jacfwd(response, argnums=(0, 1, 2))(constants, strength, shape)
 
 
 @eqx.filter_jit

@@ -120,8 +120,9 @@ def examine(
         shape = 0.0 if alternative.shape is None else alternative.shape
         extension = Extension(by_name[alternative.name], shape)
         start = _linear_strength(alternative, residuals, fitted)
-        refit = fit_extended(problem, (extension,), family[0], start)
-        return refit.residuals, problem.extended_directions(refit.constants, extension, float(refit.strengths[0]))
+        refit = fit_extended(problem, (extension,), family[0], start, profile=False)
+        at = refit.constants, refit.extensions[0], float(refit.strengths[0])
+        return refit.residuals, problem.extended_directions(*at)
 
     decision = decide(
         residuals, fitted, seen, free_forms, family, rng, extend=extend, level=level, replicates=replicates

@@ -66,6 +66,17 @@ class Noise:
         innovation = (scaled - self.correlation * before) / math.sqrt(1.0 - self.correlation**2)
         return np.where(later[:, None], innovation, scaled)
 
+    def whiten_transposed(self, white: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+        """The transpose of `whiten`: the product of its result with `white` is that of its argument with this."""
+        scaled = np.array(white)
+        if self.correlation != 0.0:
+            later = np.flatnonzero(self.ordering.previous >= 0)
+            factor = 1.0 / math.sqrt(1.0 - self.correlation**2)
+            scaled[later] = factor * white[later]
+            # Every datum is before one other at most, so that no place is added to twice.
+            scaled[self.ordering.previous[later]] -= self.correlation * factor * white[later]
+        return scaled * np.exp(-self.log_deviation)[:, None]
+
     def colour(self, white: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
         """The inverse of `whiten`: noise of this kind from white noise."""
         scaled = np.array(white)
