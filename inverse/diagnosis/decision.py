@@ -3,9 +3,10 @@ r"""From statistics to a verdict, at stated error rates.
 1. *Is anything wrong?* The smallest p-value over all causes and free forms, against the same in replicates of the
    residuals that hold noise alone. A free form has to be `FREE_FORM_HANDICAP` times as improbable as a cause.
 2. *Which cause?* Every cause that could be the one is put into the model, and everything else is tested again: a cause
-   after which nothing is left stays in the set: a true one that is tried is left out with probability `SET_LEVEL`.
+   after which nothing is left stays possible: a true one that is tried is left out with probability `SET_LEVEL`.
 3. *No cause?* If not even the best leaves the rest inconspicuous at `UNEXPLAINED_LEVEL`, the verdict is `unexplained`,
-   never the nearest name.
+   never the nearest name. Which causes stay possible is said then, too: with a true one that happens in the share of
+   data sets that lies between the two levels.
 """
 
 import dataclasses
@@ -26,6 +27,11 @@ _CONSIDERED = 6
 """Causes that are put into the model, best first."""
 _WORTH_A_LOOK = 0.02
 """p-value of a cause alone above which it is not put into the model."""
+_BATCH = 100
+"""Replicates drawn at a time: none of so many is as improbable only if the p-value is below 0.01."""
+_CLEAR, _CLEARLY_BELOW = 0.2, 5.0
+"""Share of a batch above which a p-value is clearly above `UNEXPLAINED_LEVEL`; and nats between the data and the
+most improbable of a batch beyond which it is clearly below `SET_LEVEL`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,6 +88,11 @@ class Decision:
     tests: dict[str, Evidence]
 
     @property
+    def possible(self) -> tuple[str, ...]:
+        """Causes whose remainder does not rule them out, best first, whatever the verdict."""
+        return tuple(name for name, p in self.candidates.items() if p >= SET_LEVEL)
+
+    @property
     def last(self) -> Evidence:
         """The test of what the model that the verdict ends with leaves."""
         return self.tests[self.named[0]] if self.named else self.omnibus
@@ -115,15 +126,15 @@ def decide(
     """
     names = list(dict.fromkeys(cause.name for cause in causes))
 
-    def test(left, moved, remaining: Sequence[Alternative], handicap: float) -> Evidence:
+    def test(left, moved, remaining: Sequence[Alternative], handicap: float, *, whole: bool) -> Evidence:
         screen = Screen(moved, remaining, family)
         log_handicaps = [0.0 if a.name in names else math.log(handicap) for a in screen.alternatives]
-        return evidence(screen, left, rng, np.array(log_handicaps), replicates)
+        return evidence(screen, left, rng, np.array(log_handicaps), replicates, whole=whole)
 
     def linearly(alternative: Alternative):
         return residuals, np.concatenate([fitted, alternative.directions], axis=1)
 
-    omnibus = test(residuals, fitted, [*causes, *free_forms], FREE_FORM_HANDICAP)
+    omnibus = test(residuals, fitted, [*causes, *free_forms], FREE_FORM_HANDICAP, whole=True)
     if omnibus.p_value > level:
         return Decision("adequate", omnibus, {}, (), {})
 
@@ -135,12 +146,12 @@ def decide(
             break
         others = [cause for cause in causes if cause.name != name]
         left, moved = (extend or linearly)(omnibus.alternatives[row])
-        tests[name] = test(left, moved, [*others, *free_forms], 1.0)
+        tests[name] = test(left, moved, [*others, *free_forms], 1.0, whole=False)
         candidates[name] = tests[name].p_value
     if candidates and max(candidates.values()) >= UNEXPLAINED_LEVEL:
-        named = tuple(name for name, p in candidates.items() if p >= SET_LEVEL)
-        verdict = "named" if len(named) == 1 else "confusable"
-        return Decision(verdict, omnibus, candidates, named, tests)
+        found = Decision("confusable", omnibus, candidates, (), tests)
+        verdict = "named" if len(found.possible) == 1 else "confusable"
+        return dataclasses.replace(found, verdict=verdict, named=found.possible)
     return Decision("unexplained", omnibus, candidates, (), tests)
 
 
@@ -150,15 +161,25 @@ def evidence(
     rng: np.random.Generator,
     log_handicap: Float[np.ndarray, " alternative"],
     replicates: int,
+    *,
+    whole: bool = True,
 ) -> Evidence:
-    """Test everything at once, against replicates of noise alone."""
+    """Test everything at once, against replicates of noise alone.
+
+    With `whole` false no more replicates are drawn once the p-value is clear: far above every level, or below.
+    """
     found = screen.statistics(residuals[:, None])
     weighted = found.log_p[:, 0] + log_handicap
     best = int(np.argmin(weighted))
     noise = int(found.noise[best, 0])
-    drawn = screen.replicate(residuals, noise, replicates, rng)
-    null = np.min(screen.statistics(drawn).log_p + log_handicap[:, None], axis=0)
-    p_family = (1.0 + np.sum(null[None, :] <= weighted[:, None], axis=1)) / (replicates + 1.0)
+    null = np.zeros(0)
+    while len(null) < replicates:
+        count = replicates if whole else min(_BATCH, replicates - len(null))
+        drawn = screen.replicate(residuals, noise, count, rng)
+        null = np.append(null, np.min(screen.statistics(drawn).log_p + log_handicap[:, None], axis=0))
+        if np.mean(null <= weighted[best]) > _CLEAR or weighted[best] < np.min(null) - _CLEARLY_BELOW:
+            break
+    p_family = (1.0 + np.sum(null[None, :] <= weighted[:, None], axis=1)) / (len(null) + 1.0)
     return Evidence(
         p_value=float(p_family[best]),
         statistic=float(-weighted[best]),

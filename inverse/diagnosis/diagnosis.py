@@ -39,7 +39,8 @@ class CauseReport:
         estimate: Strength, refitted in full where it was put into the model, else from the linearisation.
         interval: At 95 %.
         detectability: Strength that would be found in about 96 of 100 data sets.
-        status: `named`, `confusable`, `ruled out` (what it leaves is conspicuous), or `not needed`.
+        status: `named`, `confusable`, `possible` (what it leaves is unlikely but does not rule it out; only where the
+            verdict is `unexplained`), `ruled out` (what it leaves is conspicuous), or `not needed`.
         left: p-value of what the model with this cause leaves, where it was put in.
         converged: Whether the refit did; True where there was none.
     """
@@ -262,6 +263,8 @@ def _interval(estimate: float, error: float, cause: DmaCause) -> tuple[float, fl
 def _status(name: str, decision: Decision) -> str:
     if name in decision.named:
         return "confusable" if decision.verdict == "confusable" else "named"
+    if name in decision.possible:
+        return "possible"
     if name in decision.candidates:
         return "ruled out"
     return "not needed"

@@ -173,16 +173,16 @@ class Refit:
         count, ends = len(self.extensions), []
         shapes = self.extensions[which].cause.shapes
         place = count + which
-        moved = np.array([i not in range(count, 2 * count) for i in range(len(best))], dtype=bool)
+        held = np.isin(np.arange(len(best)), np.arange(count, 2 * count))
         for shape in np.unique(np.append(np.linspace(shapes[0], shapes[-1], _PROFILED), best[place])):
             first = best.copy()
             first[place] = shape
-            unknowns = self._solve(first, moved, self._everything)[0]
+            unknowns = self._solve(first, ~held, self._everything)[0]
             white, jacobian = self._at(unknowns)
             room = square - float(white @ white)
             if room < 0.0:
                 continue
-            jacobian[:, count : 2 * count] = 0.0
+            jacobian = np.where(held, 0.0, jacobian)
             errors, freedom = _errors(jacobian, white, count)
             half = math.sqrt(room) * errors[which] / math.sqrt(float(white @ white) / freedom)
             ends += [unknowns[which] - half, unknowns[which] + half]

@@ -257,4 +257,17 @@ def write(
     rows = rows[rows[:, 3] > 0.0]  # a person leaves out a loss modulus that noise made negative
     header = "frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa,time_s"
     np.savetxt(data, rows, delimiter=",", header=header, comments="", fmt="%.10g")
-    key.write_text(json.dumps({"seed": seed, "hidden": name, "strength": strength, "d_prime": d_prime, "noise": noise}))
+    hides = {"seed": seed, "hidden": name, "strength": strength, "d_prime": d_prime, "noise": noise}
+    key.write_text(json.dumps(hides | {"strength_of_readings": strength * _readings(name, m, modulus)}))
+
+
+def _readings(name: str, m: Measurement, modulus: np.ndarray) -> float:
+    """Moduli of the solid alone over those that are read: some effects are counted in them, and no reader knows them."""
+    alone, read = np.abs(solid(m.constants, m.omega)), np.abs(modulus)
+    if name == "slip":
+        return float(alone.max() / read.max())
+    if name == "strain-nonlinearity":
+        return float(alone.min() / read.min())
+    if name in ("second-relaxation", "poroelastic-drainage"):
+        return float(np.exp(np.mean(np.log(alone / read))))
+    return 1.0

@@ -19,29 +19,37 @@ def diagnosed(folder, *, seed, gain=False, causes=None, **hidden):
     return found, json.loads((folder / "key.json").read_text())
 
 
-def contains(found, name):
-    return name in found.named or any(name in names for names in found.confusable)
+def not_ruled_out(found, name):
+    return found.decision is not None and name in found.decision.possible
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TESTABLE)
 def test_a_strong_effect_is_found_and_its_strength_is_covered(tmp_path, name):
-    """At d' = 9 detection is certain; the interval of one data set in twenty may miss, of two in a row hardly ever."""
-    covered = []
-    for seed in (1, 2):
-        found, key = diagnosed(tmp_path, seed=seed, name=name, d_prime=9.0)
-        assert found.verdict in ("named", "confusable") and contains(found, key["hidden"])
-        report = next(one for one in found.causes if one.cause.name == key["hidden"])
-        covered.append(report.interval[0] <= key["strength"] <= report.interval[1])
-        assert key["strength"] / 2.0 < report.estimate < 2.0 * key["strength"]
-    assert any(covered) or report.shape is not None
+    """At d' = 9 detection is certain; the rest holds in 95 or 99 of 100 data sets, and so in one of two nearly always.
+
+    Noise and constants are drawn anew for every cause: with one seed for all, one unlucky draw (the right cause is
+    called unexplained in 4 of 100) would fail all of them together.
+    """
+    found, covered = [], []
+    for number in (1, 2):
+        one, key = diagnosed(tmp_path, seed=100 * (1 + TESTABLE.index(name)) + number, name=name, d_prime=9.0)
+        assert one.verdict in ("named", "confusable", "unexplained")
+        found.append(one.verdict != "unexplained" and not_ruled_out(one, name))
+        report = next(cause for cause in one.causes if cause.cause.name == name)
+        hidden = key["strength_of_readings"]
+        covered.append(report.interval[0] <= hidden <= report.interval[1])
+        if report.shape is None:
+            # At d' = 9 the standard error is a ninth of the strength.
+            assert report.estimate == pytest.approx(hidden, rel=5.0 / 9.0)
+    assert any(found) and any(covered)
 
 
 @pytest.mark.slow
 def test_viscosity_of_the_bath_comes_first(tmp_path):
     """Few causes have an effect like it."""
     found, key = diagnosed(tmp_path, seed=1, name="bath-viscosity", d_prime=9.0)
-    assert contains(found, key["hidden"]) and found.causes[0].cause.name == "bath-viscosity"
+    assert not_ruled_out(found, key["hidden"]) and found.causes[0].cause.name == "bath-viscosity"
     assert found.causes[0].estimate == pytest.approx(key["strength"], rel=0.5)
 
 
