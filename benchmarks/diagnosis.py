@@ -87,7 +87,7 @@ def one_set(condition: Condition, seed: int) -> dict:
     library = [cause for cause in DMA_CAUSES if cause.name != removed]
     found = examine(problem, library, np.random.default_rng(seed))
     decision = found.decision
-    ranked = decision.omnibus.ranked(list(dict.fromkeys(a.name for a in found.seen)))
+    ranked = decision.ranked(list(dict.fromkeys(a.name for a in found.seen)))
     line = dataclasses.asdict(condition) | {
         "seed": seed,
         "verdict": decision.verdict,
@@ -95,6 +95,8 @@ def one_set(condition: Condition, seed: int) -> dict:
         "first": ranked[0] if ranked else "",
         "named": list(decision.named),
         "possible": list(decision.possible),
+        "misfits": decision.misfits,
+        "by score": decision.omnibus.ranked(list(dict.fromkeys(a.name for a in found.seen)))[:3],
         "left": decision.candidates.get(condition.name),
     }
     if condition.part == "known" and condition.name in decision.candidates:
@@ -106,7 +108,8 @@ def _strength(found: Examined, name: str, key: dict) -> dict:
     """Interval of the hidden strength, and whether the key lies in it."""
     extension = found.extension(name)
     noise = found.family[found.decision.tests[name].null_noise]
-    refit = fit_extended(found.problem, (extension,), noise, found.linear_strengths((extension,)))
+    start = found.linear_strengths((extension,))
+    refit = fit_extended(found.problem, (extension,), noise, start, library=found.causes)
     hidden = key["strength_of_readings"]
     lower, upper = (float(end) for end in refit.intervals[0])
     return {

@@ -56,7 +56,10 @@ def figure(summary: dict[str, Any]) -> Figure:
     power.set(title="Is anything wrong?", ylabel="share of data sets", xlim=(-0.3, 6.4), ylim=(0.0, 1.03))
     _points(attribution, x, [known[d]["first"] for d in strengths], "C0", "right cause ranked first")
     attribution.plot(x, [known[d]["limit"]["first"] for d in strengths], "C0--", label="limit of that, noise known")
-    pairs = (("possible, if detected", "C2", "not ruled out, if detected"), ("covered", "C1", "strength in its interval"))
+    pairs = (
+        ("possible, if detected", "C2", "not ruled out, if detected"),
+        ("covered", "C1", "strength in its interval"),
+    )
     for offset, (key, colour, label) in zip((-0.06, 0.06), pairs, strict=True):
         _points(attribution, [d + offset for d in x], [known[d][key] for d in strengths], colour, label)
     attribution.set(title="Which cause?", xlim=(2.6, 6.4), ylim=(0.5, 1.02))
@@ -129,12 +132,12 @@ def page(summary: dict[str, Any]) -> str:
             *_strange(summary),
             "What these rates rest on, and their limits:",
             "",
-            "- A true cause is called `unexplained` with the probability of that test's level, 4 %. Causes that are not "
-            "ruled out at 1 % are reported then, too, as `possible`; with them a true cause is kept.",
+            "- A true cause is called `unexplained` with the probability of that test's level, 4 %. Causes that are "
+            "not ruled out at 1 % are reported then, too, as `possible`; with them a true cause is kept.",
             "- An effect in no list that resembles a cause is named as that cause until what is left of it shows by "
             "itself. Of an effect at d' = 5 with a cosine of 0.7 to some cause, 3.6 are left: no test that spares true "
             "causes in 95 of 100 cases sees that reliably among all forms that an unknown effect may take.",
-            "- All data sets have one design. Other designs have other limits: see `detectability` in `diagnosis.json`.",
+            "- All data sets have one design. Others have other limits: see `detectability` in `diagnosis.json`.",
             "",
         ]
     )

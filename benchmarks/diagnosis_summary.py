@@ -94,7 +94,7 @@ def _limits_of(problem: DmaProblem, strengths: Sequence[float], rng: np.random.G
         if cause.name not in owners:
             continue
         extension = Extension(cause, TRUE_SHAPES.get(cause.name, cause.shapes[0]))
-        truth = problem.extended_directions(problem.constants, extension, 0.0)[:, fitted.shape[1]]
+        truth = problem.directions_of([extension])[0].directions[:, 0]
         truth = truth - basis @ (basis.T @ truth)
         for d_prime in strengths:
             seen = evidence(d_prime * (truth / np.linalg.norm(truth))[:, None] + noise)

@@ -19,13 +19,14 @@ class DmaConditions(eqx.Module):
         angular_frequency: [rad/s].
         temperature: [degC].
         time: Since the first row of the sample [s], or in rows where the file gives no time.
-        time_in_sweep: Share of the sweep's duration that had passed, 0 to 1.
+        time_in_sweep: Share of the visit's duration that had passed, 0 to 1.
         exposure: Share of the water that saturated vapour took away until then, 0 to 1 over the sample's measurement.
         level: Geometric mean of the measured modulus of the sweep [Pa].
         softest: Lowest measured modulus of all rows [Pa].
         stiffest: Highest measured modulus of all rows [Pa].
-        sweep: Index of the row's sweep.
-        sweep_before: Index of the sweep of the same sample at the temperature before; its own for the first.
+        sweep: Index of the row's sweep: the rows of one sample at one temperature, which share their constants.
+        visit: Index of the row's visit: a sweep whose temperature was measured again later has two.
+        sweep_before: Index of the sweep of the same sample that was visited before; its own for the first visit.
     """
 
     angular_frequency: Float[Array, " row"]
@@ -37,6 +38,7 @@ class DmaConditions(eqx.Module):
     softest: Float[Array, ""]
     stiffest: Float[Array, ""]
     sweep: Int[Array, " row"]
+    visit: Int[Array, " row"]
     sweep_before: Int[Array, " row"]
 
     @property

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.screening import Alternative, Screen
@@ -45,7 +45,8 @@ class Evidence:
         log_p: Logarithm of the p-value of each alternative alone.
         p_family: The same for the whole family: that noise alone gives any alternative as improbable a value.
         statistics: t or F of each alternative.
-        noise: The noise member that the most probable alternative goes with.
+        noises: The noise member that each alternative goes with.
+        noise: The one of the most improbable alternative.
         null_noise: The noise member without any alternative.
     """
 
@@ -55,6 +56,7 @@ class Evidence:
     log_p: Float[np.ndarray, " alternative"]
     p_family: Float[np.ndarray, " alternative"]
     statistics: Float[np.ndarray, " alternative"]
+    noises: Int[np.ndarray, " alternative"]
     noise: int
     null_noise: int
 
@@ -70,13 +72,29 @@ class Evidence:
 
 
 @dataclasses.dataclass(frozen=True)
+class Refitted:
+    """The model with one cause in it, refitted in full.
+
+    Attributes:
+        residuals: Measured less predicted.
+        directions: Derivative of the prediction in everything that was fitted.
+        misfit: What the fit made least; among causes, the lower the better.
+    """
+
+    residuals: Float[np.ndarray, " n"]
+    directions: Float[np.ndarray, "n q"]
+    misfit: float
+
+
+@dataclasses.dataclass(frozen=True)
 class Decision:
     """What follows.
 
     Attributes:
         verdict: `adequate`, `named`, `confusable` or `unexplained`.
         omnibus: The test of everything at once.
-        candidates: For each cause that was put into the model, the p-value of what is left.
+        candidates: For each cause that was put into the model, the p-value of what is left; the best fit first.
+        misfits: What each of these fits made least.
         named: The causes in the set, best first.
         tests: For each cause that was put into the model, the test of what is left.
     """
@@ -84,6 +102,7 @@ class Decision:
     verdict: str
     omnibus: Evidence
     candidates: dict[str, float]
+    misfits: dict[str, float]
     named: tuple[str, ...]
     tests: dict[str, Evidence]
 
@@ -91,6 +110,10 @@ class Decision:
     def possible(self) -> tuple[str, ...]:
         """Causes whose remainder does not rule them out, best first, whatever the verdict."""
         return tuple(name for name, p in self.candidates.items() if p >= SET_LEVEL)
+
+    def ranked(self, names: Sequence[str]) -> list[str]:
+        """Names in order: those that were put into the model by how well it fits then, the others by their p-value."""
+        return [*self.candidates, *(name for name in self.omnibus.ranked(names) if name not in self.candidates)]
 
     @property
     def last(self) -> Evidence:
@@ -106,7 +129,7 @@ def decide(
     family: Sequence[Noise],
     rng: np.random.Generator,
     *,
-    extend: Callable[[Alternative], tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n q"]]] | None = None,
+    extend: Callable[[Alternative, Noise], Refitted] | None = None,
     level: float = 0.05,
     replicates: int = REPLICATES,
 ) -> Decision:
@@ -119,8 +142,8 @@ def decide(
         free_forms: Corrections of no name.
         family: Noise members, white first.
         rng: For replicates.
-        extend: Refits the model with one cause in full; gives the residuals and the derivatives in everything fitted
-            then. Without it the cause's direction joins the fitted ones.
+        extend: Refits the model with one cause in full, in noise of the given kind. Without it the cause's direction
+            joins the fitted ones.
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that the levels are calibrated on.
     """
@@ -131,28 +154,35 @@ def decide(
         log_handicaps = [0.0 if a.name in names else math.log(handicap) for a in screen.alternatives]
         return evidence(screen, left, rng, np.array(log_handicaps), replicates, whole=whole)
 
-    def linearly(alternative: Alternative):
-        return residuals, np.concatenate([fitted, alternative.directions], axis=1)
+    def linearly(alternative: Alternative, log_p: float) -> Refitted:
+        return Refitted(residuals, np.concatenate([fitted, alternative.directions], axis=1), log_p)
 
     omnibus = test(residuals, fitted, [*causes, *free_forms], FREE_FORM_HANDICAP, whole=True)
     if omnibus.p_value > level:
-        return Decision("adequate", omnibus, {}, (), {})
+        return Decision("adequate", omnibus, {}, {}, (), {})
 
-    candidates: dict[str, float] = {}
     tests: dict[str, Evidence] = {}
-    for name in omnibus.ranked(names)[:_CONSIDERED]:
+    misfits: dict[str, float] = {}
+    ranked = omnibus.ranked(names)
+    for name in ranked[:_CONSIDERED]:
         row = omnibus.best(name)
         if row is None or omnibus.log_p[row] > math.log(_WORTH_A_LOOK):
             break
         others = [cause for cause in causes if cause.name != name]
-        left, moved = (extend or linearly)(omnibus.alternatives[row])
-        tests[name] = test(left, moved, [*others, *free_forms], 1.0, whole=False)
-        candidates[name] = tests[name].p_value
+        if extend is None:
+            refitted = linearly(omnibus.alternatives[row], float(omnibus.log_p[row]))
+        else:
+            # One kind of noise for all, so that their misfits compare: the one that goes with the likeliest cause.
+            refitted = extend(omnibus.alternatives[row], family[omnibus.noises[omnibus.best(ranked[0]) or 0]])
+        misfits[name] = refitted.misfit
+        tests[name] = test(refitted.residuals, refitted.directions, [*others, *free_forms], 1.0, whole=False)
+    misfits = dict(sorted(misfits.items(), key=lambda item: item[1]))
+    candidates = {name: tests[name].p_value for name in misfits}
     if candidates and max(candidates.values()) >= UNEXPLAINED_LEVEL:
-        found = Decision("confusable", omnibus, candidates, (), tests)
+        found = Decision("confusable", omnibus, candidates, misfits, (), tests)
         verdict = "named" if len(found.possible) == 1 else "confusable"
         return dataclasses.replace(found, verdict=verdict, named=found.possible)
-    return Decision("unexplained", omnibus, candidates, (), tests)
+    return Decision("unexplained", omnibus, candidates, misfits, (), tests)
 
 
 def evidence(
@@ -187,6 +217,7 @@ def evidence(
         log_p=found.log_p[:, 0],
         p_family=p_family,
         statistics=found.statistic[:, 0],
+        noises=found.noise[:, 0],
         noise=noise,
         null_noise=int(found.null_noise[0]),
     )

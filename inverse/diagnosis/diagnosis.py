@@ -151,16 +151,13 @@ def diagnose_dma(
     reports = _reports(examined, decision)
     if added:
         on_step("refitting with " + " and ".join(e.cause.name for e in added))
-        extended = fit_extended(problem, added, noise, examined.linear_strengths(added))
+        extended = fit_extended(problem, added, noise, examined.linear_strengths(added), library=causes)
         if gain:
             on_step("measuring the gain on data left out")
-            worth = held_out_gain(problem, extended.extensions, noise, extended.strengths)
+            worth = held_out_gain(problem, extended.extensions, noise, extended.strengths, library=causes)
     directions, left = examined.fitted, examined.residuals
     if extended is not None:
-        directions = problem.extended_directions(
-            extended.constants, extended.extensions[0], float(extended.strengths[0])
-        )
-        left = extended.residuals
+        directions, left = extended.directions, extended.residuals
     gate = noise_gate(Screen(directions, (), examined.family), left, problem, rng, replicates=replicates)
     if verdict == "adequate" and not gate.as_thought:
         verdict = "noise-model"
@@ -193,7 +190,9 @@ def _with_dominant(examined: Examined) -> Decision:
     for name in decision.candidates:
         extension = examined.extension(name)
         start = examined.linear_strengths((extension,))
-        refit = fit_extended(examined.problem, (extension,), examined.family[0], start, profile=False)
+        refit = fit_extended(
+            examined.problem, (extension,), examined.family[0], start, library=examined.causes, profile=False
+        )
         after[name] = float(np.sum(refit.residuals**2))
     ranked = sorted(after, key=lambda name: after[name])
     if not ranked or after[ranked[0]] > DOMINANT_SHARE * before:
@@ -223,7 +222,7 @@ def _chosen(examined: Examined, decision: Decision) -> tuple[Extension, ...]:
 def _reports(examined: Examined, decision: Decision) -> tuple[CauseReport, ...]:
     """Every cause that the data can see, in rank order."""
     names = list(dict.fromkeys(alternative.name for alternative in examined.seen))
-    return tuple(_report(examined, decision, name) for name in decision.omnibus.ranked(names))
+    return tuple(_report(examined, decision, name) for name in decision.ranked(names))
 
 
 def _report(examined: Examined, decision: Decision, name: str) -> CauseReport:
@@ -236,7 +235,7 @@ def _report(examined: Examined, decision: Decision, name: str) -> CauseReport:
     shape = examined.alternative(name).shape
     if name in decision.candidates:
         noise = examined.family[decision.tests[name].null_noise]
-        refit = fit_extended(examined.problem, (extension,), noise, strength)
+        refit = fit_extended(examined.problem, (extension,), noise, strength, library=examined.causes)
         estimate, converged = float(refit.strengths[0]), refit.converged
         interval = (float(refit.intervals[0, 0]), float(refit.intervals[0, 1]))
         shape = None if shape is None else float(refit.extensions[0].shape)

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from inverse.diagnosis.cause import DmaCause, Extension
-from inverse.diagnosis.decision import REPLICATES, Decision, decide
+from inverse.diagnosis.decision import REPLICATES, Decision, Refitted, decide
 from inverse.diagnosis.dma_problem import DmaProblem
 from inverse.diagnosis.extended_fit import fit_extended
 from inverse.diagnosis.free_forms import Place, dma_free_forms
@@ -116,13 +116,12 @@ def examine(
     seen, not_testable = _testable(problem.directions(causes), fitted, size, causes)
     by_name = {cause.name: cause for cause in causes}
 
-    def extend(alternative: Alternative):
+    def extend(alternative: Alternative, noise: Noise) -> Refitted:
         shape = 0.0 if alternative.shape is None else alternative.shape
         extension = Extension(by_name[alternative.name], shape)
         start = _linear_strength(alternative, residuals, fitted)
-        refit = fit_extended(problem, (extension,), family[0], start, profile=False)
-        at = refit.constants, refit.extensions[0], float(refit.strengths[0])
-        return refit.residuals, problem.extended_directions(*at)
+        refit = fit_extended(problem, (extension,), noise, start, library=causes, profile=False)
+        return Refitted(refit.residuals, refit.directions, refit.misfit)
 
     decision = decide(
         residuals, fitted, seen, free_forms, family, rng, extend=extend, level=level, replicates=replicates

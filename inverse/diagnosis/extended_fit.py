@@ -31,6 +31,8 @@ class ExtendedFit:
             cause has a shape, by the profile likelihood over it.
         constants: Of every sweep.
         residuals: Measured less predicted, weighted.
+        directions: Derivative of the weighted prediction in strengths, shapes and constants, at the fit.
+        misfit: Sum of squares of the residuals in coordinates in which the noise is white.
         converged: Whether it did.
         status: The outcome in words.
     """
@@ -41,6 +43,8 @@ class ExtendedFit:
     intervals: Float[np.ndarray, "extension 2"]
     constants: Float[np.ndarray, "sweep 4"]
     residuals: Float[np.ndarray, " n"]
+    directions: Float[np.ndarray, "n p"]
+    misfit: float
     converged: bool
     status: str
 
@@ -51,6 +55,7 @@ def fit_extended(
     noise: Noise,
     start: Float[np.ndarray, " extension"],
     *,
+    library: Sequence[DmaCause] = (),
     profile: bool = True,
 ) -> ExtendedFit:
     """Refit all constants, strengths and shapes together.
@@ -60,83 +65,145 @@ def fit_extended(
         extensions: What to add, in the shapes to start from; none refits the null model.
         noise: Member of the family that weighs the residuals.
         start: First guess of the strengths, in their units.
+        library: Causes that other refits will add: one program serves them all.
         profile: Whether to profile intervals over shapes; without, they are what the curvature at the best fit gives.
     """
-    return Refit(problem, extensions, noise).fit(start, profile=profile)
+    return Refit(problem, extensions, noise, library=library).fit(start, profile=profile)
 
 
 class Refit:
-    """Refits of one extended model, to all data or to parts; compiled once for each set of causes."""
+    """Refits of one extended model, to all data or to parts.
 
-    def __init__(self, problem: DmaProblem, extensions: Sequence[Extension], noise: Noise) -> None:
+    The program that is compiled holds every cause of the library; those that were not added stay at strength 0, where
+    they are nothing. Compiling it takes far longer than running it.
+    """
+
+    def __init__(
+        self,
+        problem: DmaProblem,
+        extensions: Sequence[Extension],
+        noise: Noise,
+        *,
+        library: Sequence[DmaCause] = (),
+    ) -> None:
         """Prepare."""
         self.problem = problem
         self.extensions = tuple(extensions)
-        self.white = WhiteResidual(problem, self.extensions, noise)
-        self._scales = strength_scales(self.extensions)
+        self._noise = noise
+        known = {cause.name: cause for cause in (*library, *(extension.cause for extension in extensions))}
+        self.white = WhiteResidual(problem, tuple(known.values()), noise)
+        self._scales = strength_scales([extension.cause for extension in self.extensions])
+        self._one_sided = np.array([extension.cause.sign > 0 for extension in self.extensions], dtype=bool)
         self._everything = np.ones(problem.rows, dtype=bool)
         self._all = jnp.ones(problem.weights.size)
+        places, total = [list(known).index(extension.cause.name) for extension in self.extensions], len(known)
+        constants = np.arange(problem.moved.size) + 2 * total
+        shaped = [total + place for place, e in zip(places, self.extensions, strict=True) if e.has_shape]
+        self._strengths, self._shapes = np.array(places, dtype=int), np.array(places, dtype=int) + total
+        self._fixed_shapes = np.concatenate([self._strengths, constants])
+        self._moved = np.concatenate([self._strengths, np.array(shaped, dtype=int), constants])
+
+    @property
+    def moves(self) -> int:
+        """How many numbers are fitted."""
+        return len(self._moved)
 
     def fit(self, start: Float[np.ndarray, " extension"], *, profile: bool = True) -> ExtendedFit:
         """Refit to all data."""
         unknowns, converged, status = self.solve(start, self._everything)
-        count = len(self.extensions)
-        white, jacobian = self._at(unknowns)
-        errors, freedom = _errors(jacobian, white, count)
+        white, jacobian = self._at(unknowns, self._moved)
+        errors, freedom = _errors(jacobian, white, len(self.extensions))
         reach = float(stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, freedom))
-        ends = unknowns[:count, None] + reach * errors[:, None] * np.array([-1.0, 1.0])
+        ends = unknowns[self._strengths, None] + reach * errors[:, None] * np.array([-1.0, 1.0])
         if profile:
             square = float(white @ white) * (1.0 + reach**2 / freedom)
             for which, extension in enumerate(self.extensions):
                 if extension.has_shape:
                     ends[which] = self._profiled(which, unknowns, square)
-        one_sided = np.array([extension.cause.sign > 0 for extension in self.extensions], dtype=bool)
-        shapes = [float(shape) for shape in unknowns[count : 2 * count]]
+        shapes = [float(shape) for shape in unknowns[self._shapes]]
         return ExtendedFit(
             extensions=tuple(Extension(e.cause, shape) for e, shape in zip(self.extensions, shapes, strict=True)),
-            strengths=unknowns[:count] * self._scales,
+            strengths=unknowns[self._strengths] * self._scales,
             standard_errors=errors * self._scales,
-            intervals=np.where(one_sided[:, None], np.maximum(ends, 0.0), ends) * self._scales[:, None],
+            intervals=np.where(self._one_sided[:, None], np.maximum(ends, 0.0), ends) * self._scales[:, None],
             constants=np.asarray(_constants(self.white, jnp.asarray(unknowns))),
             residuals=self.plain(unknowns),
+            directions=self._directions(unknowns),
+            misfit=float(white @ white),
             converged=converged,
             status=status,
         )
 
     def solve(
-        self, start: Float[np.ndarray, " extension"], used: Bool[np.ndarray, " row"]
+        self,
+        start: Float[np.ndarray, " extension"],
+        used: Bool[np.ndarray, " row"],
+        *,
+        constants: Float[np.ndarray, "sweep n"] | None = None,
     ) -> tuple[Float[np.ndarray, " unknown"], bool, str]:
-        """Refit to the rows in use, from the fit to everything.
+        """Refit to the rows in use.
+
+        Args:
+            start: First guess of the strengths.
+            used: Rows to fit.
+            constants: First guess of them, unconstrained; the fit to everything without.
 
         Returns:
-            Strengths in their plausible scales, shapes, then unconstrained constants; whether it converged; and how it
-            ended.
+            Strengths in their plausible scales and shapes of the whole library, then unconstrained constants; whether
+            it converged; and how it ended.
         """
-        free = np.asarray(_unconstrained(self.white.parameters, jnp.asarray(self.problem.moved))).ravel()
-        one_sided = np.array([extension.cause.sign > 0 for extension in self.extensions], dtype=bool)
-        strengths = np.where(one_sided, np.maximum(start / self._scales, _SMALL), start / self._scales)
-        shapes = np.array([float(extension.shape) for extension in self.extensions])
-        first = np.concatenate([strengths, shapes, np.clip(free, -_FARTHEST, _FARTHEST)])
-        moved = np.concatenate(
-            [np.ones(len(strengths), dtype=bool), [e.has_shape for e in self.extensions], np.ones(len(free), dtype=bool)]
-        ).astype(bool)
-        return self._solve(first, moved, used)
+        if constants is None:
+            constants = np.asarray(_unconstrained(self.white.parameters, jnp.asarray(self.problem.moved)))
+        free = constants.ravel()
+        strengths = start / self._scales
+        causes = self.white.causes
+        first = np.concatenate(
+            [np.zeros(len(causes)), [cause.shapes[0] for cause in causes], np.clip(free, -_FARTHEST, _FARTHEST)]
+        )
+        first[self._strengths] = np.where(self._one_sided, np.maximum(strengths, _SMALL), strengths)
+        first[self._shapes] = [float(extension.shape) for extension in self.extensions]
+        return self._solve(first, self._moved, used)
+
+    def own_constants(self, used: Bool[np.ndarray, " row"]) -> Float[np.ndarray, "sweep n"]:
+        """Constants, unconstrained, that fit the rows in use without any extension; other rows are not looked at."""
+        problem, sweep = self.problem, np.asarray(self.problem.conditions.sweep)
+        kept = [one.data.select(np.flatnonzero(used[sweep == index])) for index, one in enumerate(problem.sweeps)]
+        starts = np.stack([problem.model.starts(data, _STARTS, 0) for data in kept], axis=1)
+        mask = jnp.asarray(np.repeat(used.astype(float), problem.weights.shape[1]))
+        alone = Refit(problem, (), self._noise, library=self.white.causes)
+        least, best = np.full(len(kept), np.inf), np.zeros(starts.shape[1:])
+        for start in starts:
+            unknowns, _, _ = alone.solve(np.zeros(0), used, constants=start)
+            white = np.asarray(_white_and_slope(alone.white, jnp.asarray(unknowns), mask)[0])
+            squares = np.bincount(np.repeat(sweep, problem.weights.shape[1]), white**2, len(kept))
+            better = squares < least
+            least = np.where(better, squares, least)
+            best[better] = unknowns[-start.size :].reshape(start.shape)[better]
+        return best
 
     def plain(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " n"]:
         """Measured less predicted, weighted but not whitened."""
         return np.asarray(_plain(self.white, jnp.asarray(unknowns)))
 
-    def _at(self, unknowns) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n unknown"]]:
+    def _directions(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "n p"]:
+        """Derivative of the weighted prediction in everything that is moved, not whitened."""
+        flat = eqx.tree_at(
+            lambda white: (white.log_deviation, white.correlation),
+            self.white,
+            (np.zeros_like(self.white.log_deviation), jnp.zeros(())),
+        )
+        return -np.asarray(_white_and_slope(flat, jnp.asarray(unknowns), self._all)[1])[:, self._moved]
+
+    def _at(self, unknowns, moved) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n unknown"]]:
         white, jacobian = _white_and_slope(self.white, jnp.asarray(unknowns), self._all)
-        return np.asarray(white), np.asarray(jacobian)
+        return np.asarray(white), np.asarray(jacobian)[:, moved]
 
     def _solve(self, first, moved, used) -> tuple[Float[np.ndarray, " unknown"], bool, str]:
         """Least squares in the unknowns that are moved."""
-        count = len(self.extensions)
         lower, upper = np.full(len(first), -np.inf), np.full(len(first), np.inf)
-        for which, extension in enumerate(self.extensions):
-            lower[which] = 0.0 if extension.cause.sign > 0 else -np.inf
-            lower[count + which], upper[count + which] = extension.cause.shapes[0], extension.cause.shapes[-1]
+        for strength, shape, extension in zip(self._strengths, self._shapes, self.extensions, strict=True):
+            lower[strength] = 0.0 if extension.cause.sign > 0 else -np.inf
+            lower[shape], upper[shape] = extension.cause.shapes[0], extension.cause.shapes[-1]
         mask = jnp.asarray(np.repeat(used.astype(float), self.problem.weights.shape[1]))
         kept: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
@@ -170,22 +237,20 @@ class Refit:
         At a given shape the sum of squares is a parabola in the strength as good as anything; shapes are tried one by
         one because the strength that fits bends with them.
         """
-        count, ends = len(self.extensions), []
-        shapes = self.extensions[which].cause.shapes
-        place = count + which
-        held = np.isin(np.arange(len(best)), np.arange(count, 2 * count))
+        shapes, place = self.extensions[which].cause.shapes, self._shapes[which]
+        ends = []
         for shape in np.unique(np.append(np.linspace(shapes[0], shapes[-1], _PROFILED), best[place])):
             first = best.copy()
             first[place] = shape
-            unknowns = self._solve(first, ~held, self._everything)[0]
-            white, jacobian = self._at(unknowns)
+            unknowns = self._solve(first, self._fixed_shapes, self._everything)[0]
+            white, jacobian = self._at(unknowns, self._fixed_shapes)
             room = square - float(white @ white)
             if room < 0.0:
                 continue
-            jacobian = np.where(held, 0.0, jacobian)
-            errors, freedom = _errors(jacobian, white, count)
+            errors, freedom = _errors(jacobian, white, len(self.extensions))
             half = math.sqrt(room) * errors[which] / math.sqrt(float(white @ white) / freedom)
-            ends += [unknowns[which] - half, unknowns[which] + half]
+            middle = unknowns[self._strengths[which]]
+            ends += [middle - half, middle + half]
         return np.array([min(ends), max(ends)])
 
 
@@ -193,13 +258,15 @@ _SMALL = 1e-3
 """Part of the plausible strength at which one that cannot be negative starts at least."""
 _FARTHEST = 12.0
 """Unconstrained numbers beyond which a constant is at its bound and no derivative would bring it back."""
+_STARTS = 4
+"""Of a fit to a part of the data."""
 _PROFILED = 9
 """Shapes at which the strength is profiled, beside the best."""
 
 
-def strength_scales(extensions: Sequence[Extension]) -> Float[np.ndarray, " extension"]:
+def strength_scales(causes: Sequence[DmaCause]) -> Float[np.ndarray, " cause"]:
     """Plausible strengths, in which the solver counts."""
-    return np.array([extension.cause.plausible for extension in extensions], dtype=float)
+    return np.array([cause.plausible for cause in causes], dtype=float)
 
 
 class WhiteResidual(eqx.Module):
@@ -211,13 +278,13 @@ class WhiteResidual(eqx.Module):
     weights: Float[np.ndarray, "row coordinate"]
     log_deviation: Float[np.ndarray, " n"]
     previous: Int[np.ndarray, " n"]
-    scales: Float[np.ndarray, " extension"]
+    scales: Float[np.ndarray, " cause"]
     correlation: Float[Array, ""]
     causes: tuple[DmaCause, ...]
     fractional: bool = eqx.field(static=True)
     has_phase: bool = eqx.field(static=True)
 
-    def __init__(self, problem: DmaProblem, extensions: tuple[Extension, ...], noise: Noise) -> None:
+    def __init__(self, problem: DmaProblem, causes: tuple[DmaCause, ...], noise: Noise) -> None:
         """Take what is needed from the problem."""
         self.conditions = problem.conditions
         # As arrays, so that other data of the same shape need no new compilation.
@@ -225,8 +292,8 @@ class WhiteResidual(eqx.Module):
         self.measured, self.weights = problem.measured, problem.weights
         self.log_deviation, self.previous = noise.log_deviation, noise.ordering.previous
         self.correlation = jnp.asarray(noise.correlation)
-        self.scales = strength_scales(extensions)
-        self.causes = tuple(extension.cause for extension in extensions)
+        self.scales = strength_scales(causes)
+        self.causes = causes
         self.fractional, self.has_phase = problem.model.fractional, problem.has_phase
 
     def constants(self, unknowns: Float[Array, " unknown"]) -> Float[Array, "sweep 4"]:

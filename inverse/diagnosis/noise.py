@@ -35,6 +35,14 @@ class Ordering:
     name: str
     previous: Int[np.ndarray, " n"]
 
+    @property
+    def neighbours(self) -> frozenset[tuple[int, int]]:
+        """Pairs of neighbours, whichever comes first."""
+        later = np.flatnonzero(self.previous >= 0)
+        return frozenset(
+            (min(pair), max(pair)) for pair in zip(later.tolist(), self.previous[later].tolist(), strict=True)
+        )
+
 
 @dataclasses.dataclass(frozen=True)
 class Noise:
