@@ -94,6 +94,8 @@ def one_set(condition: Condition, seed: int) -> dict:
         "p": decision.omnibus.p_value,
         "first": ranked[0] if ranked else "",
         "named": list(decision.named),
+        "confusable": list(decision.confusable),
+        "explanations": [list(names) for names in decision.explanations],
         "possible": list(decision.possible),
         "misfits": decision.misfits,
         "by score": decision.omnibus.ranked(list(dict.fromkeys(a.name for a in found.seen)))[:3],

@@ -114,7 +114,7 @@ def _known(lines: Sequence[Line]) -> dict[str, Any]:
         "detected": rate([line["verdict"] != "adequate" for line in lines]),
         "first": rate([line["first"] == line["name"] for line in lines]),
         "possible, if detected": rate([line["name"] in line["possible"] for line in found]),
-        "in the set, if detected": rate([line["name"] in line["named"] for line in found]),
+        "in the set, if detected": rate([line["name"] in line["named"] + line["confusable"] for line in found]),
         "unexplained, if detected": rate([line["verdict"] == "unexplained" for line in found]),
         "wrongly named, if detected": rate(
             [line["verdict"] == "named" and line["name"] not in line["named"] for line in found]

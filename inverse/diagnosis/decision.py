@@ -4,9 +4,11 @@ r"""From statistics to a verdict, at stated error rates.
    residuals that hold noise alone. A free form has to be `FREE_FORM_HANDICAP` times as improbable as a cause.
 2. *Which cause?* Every cause that could be the one is put into the model, and everything else is tested again: a cause
    after which nothing is left stays possible: a true one that is tried is left out with probability `SET_LEVEL`.
-3. *No cause?* If not even the best leaves the rest inconspicuous at `UNEXPLAINED_LEVEL`, the verdict is `unexplained`,
-   never the nearest name. Which causes stay possible is said then, too: with a true one that happens in the share of
-   data sets that lies between the two levels.
+3. *Two causes?* Where one does not do, those that what it leaves shows at `SET_LEVEL` by name are put in beside it, and
+   everything else is tested once more. A pair counts only if each is needed beside the other at that level.
+4. *No cause?* If not even the best pair leaves the rest inconspicuous at `UNEXPLAINED_LEVEL`, the verdict is
+   `unexplained`, never the nearest name. Which causes stay possible is said then, too: with a true one that happens in
+   the share of data sets that lies between the two levels.
 """
 
 import dataclasses
@@ -17,7 +19,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.screening import Alternative, Screen
+from inverse.diagnosis.screening import Alternative, Screen, unit_columns
 
 FREE_FORM_HANDICAP = 5.0
 SET_LEVEL = 0.01
@@ -25,6 +27,8 @@ UNEXPLAINED_LEVEL = 0.04
 REPLICATES = 400
 _CONSIDERED = 6
 """Causes that are put into the model, best first."""
+_FIRST, _SECOND = 4, 4
+"""Causes of which pairs are made, and how many are put beside each."""
 _WORTH_A_LOOK = 0.02
 """p-value of a cause alone above which it is not put into the model."""
 _BATCH = 100
@@ -73,7 +77,7 @@ class Evidence:
 
 @dataclasses.dataclass(frozen=True)
 class Refitted:
-    """The model with one cause in it, refitted in full.
+    """The model with one cause or two in it, refitted in full.
 
     Attributes:
         residuals: Measured less predicted.
@@ -95,30 +99,43 @@ class Decision:
         omnibus: The test of everything at once.
         candidates: For each cause that was put into the model, the p-value of what is left; the best fit first.
         misfits: What each of these fits made least.
-        named: The causes in the set, best first.
+        explanations: What is named, best first: each one cause or two that leave nothing conspicuous.
         tests: For each cause that was put into the model, the test of what is left.
+        last: The test of what the model that the verdict ends with leaves.
     """
 
     verdict: str
     omnibus: Evidence
     candidates: dict[str, float]
     misfits: dict[str, float]
-    named: tuple[str, ...]
+    explanations: tuple[tuple[str, ...], ...]
     tests: dict[str, Evidence]
+    last: Evidence
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Causes that are part of every explanation."""
+        everywhere = set.intersection(*map(set, self.explanations)) if self.explanations else set()
+        return tuple(name for name in self._mentioned if name in everywhere)
+
+    @property
+    def confusable(self) -> tuple[str, ...]:
+        """Causes that are part of some explanations and not of others, best first."""
+        return tuple(name for name in self._mentioned if name not in self.named)
+
+    @property
+    def _mentioned(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(name for names in self.explanations for name in names))
 
     @property
     def possible(self) -> tuple[str, ...]:
         """Causes whose remainder does not rule them out, best first, whatever the verdict."""
-        return tuple(name for name, p in self.candidates.items() if p >= SET_LEVEL)
+        alone = (name for name, p in self.candidates.items() if p >= SET_LEVEL)
+        return tuple(dict.fromkeys([*self._mentioned, *alone]))
 
     def ranked(self, names: Sequence[str]) -> list[str]:
         """Names in order: those that were put into the model by how well it fits then, the others by their p-value."""
         return [*self.candidates, *(name for name in self.omnibus.ranked(names) if name not in self.candidates)]
-
-    @property
-    def last(self) -> Evidence:
-        """The test of what the model that the verdict ends with leaves."""
-        return self.tests[self.named[0]] if self.named else self.omnibus
 
 
 def decide(
@@ -129,7 +146,7 @@ def decide(
     family: Sequence[Noise],
     rng: np.random.Generator,
     *,
-    extend: Callable[[Alternative, Noise], Refitted] | None = None,
+    extend: Callable[[Sequence[Alternative], Noise], Refitted] | None = None,
     level: float = 0.05,
     replicates: int = REPLICATES,
 ) -> Decision:
@@ -142,8 +159,8 @@ def decide(
         free_forms: Corrections of no name.
         family: Noise members, white first.
         rng: For replicates.
-        extend: Refits the model with one cause in full, in noise of the given kind. Without it the cause's direction
-            joins the fitted ones.
+        extend: Refits the model with one cause or two in full, in noise of the given kind. Without it their directions
+            join the fitted ones.
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that the levels are calibrated on.
     """
@@ -154,35 +171,83 @@ def decide(
         log_handicaps = [0.0 if a.name in names else math.log(handicap) for a in screen.alternatives]
         return evidence(screen, left, rng, np.array(log_handicaps), replicates, whole=whole)
 
-    def linearly(alternative: Alternative, log_p: float) -> Refitted:
-        return Refitted(residuals, np.concatenate([fitted, alternative.directions], axis=1), log_p)
+    def linearly(added: Sequence[Alternative], noise: Noise) -> Refitted:
+        moved = np.concatenate([fitted, *(alternative.directions for alternative in added)], axis=1)
+        white, basis = noise.whiten(residuals[:, None]), np.linalg.qr(noise.whiten(unit_columns(moved)))[0]
+        left = white - basis @ (basis.T @ white)
+        return Refitted(residuals, moved, float(np.sum(left**2)))
 
     omnibus = test(residuals, fitted, [*causes, *free_forms], FREE_FORM_HANDICAP, whole=True)
     if omnibus.p_value > level:
-        return Decision("adequate", omnibus, {}, {}, (), {})
+        return Decision("adequate", omnibus, {}, {}, (), {}, omnibus)
 
-    tests: dict[str, Evidence] = {}
-    misfits: dict[str, float] = {}
     ranked = omnibus.ranked(names)
+    # One kind of noise for all, so that their misfits compare: the one that goes with the likeliest cause.
+    noise = family[omnibus.noises[omnibus.best(ranked[0]) or 0]] if ranked else family[0]
+
+    def put_in(added: Sequence[Alternative]) -> tuple[float, Evidence]:
+        refitted = (extend or linearly)(added, noise)
+        inside = [alternative.name for alternative in added]
+        others = [cause for cause in causes if cause.name not in inside]
+        left = test(refitted.residuals, refitted.directions, [*others, *free_forms], 1.0, whole=False)
+        return refitted.misfit, left
+
+    alone: dict[str, tuple[float, Evidence]] = {}
     for name in ranked[:_CONSIDERED]:
         row = omnibus.best(name)
         if row is None or omnibus.log_p[row] > math.log(_WORTH_A_LOOK):
             break
-        others = [cause for cause in causes if cause.name != name]
-        if extend is None:
-            refitted = linearly(omnibus.alternatives[row], float(omnibus.log_p[row]))
-        else:
-            # One kind of noise for all, so that their misfits compare: the one that goes with the likeliest cause.
-            refitted = extend(omnibus.alternatives[row], family[omnibus.noises[omnibus.best(ranked[0]) or 0]])
-        misfits[name] = refitted.misfit
-        tests[name] = test(refitted.residuals, refitted.directions, [*others, *free_forms], 1.0, whole=False)
-    misfits = dict(sorted(misfits.items(), key=lambda item: item[1]))
-    candidates = {name: tests[name].p_value for name in misfits}
-    if candidates and max(candidates.values()) >= UNEXPLAINED_LEVEL:
-        found = Decision("confusable", omnibus, candidates, misfits, (), tests)
-        verdict = "named" if len(found.possible) == 1 else "confusable"
-        return dataclasses.replace(found, verdict=verdict, named=found.possible)
-    return Decision("unexplained", omnibus, candidates, misfits, (), tests)
+        alone[name] = put_in([omnibus.alternatives[row]])
+    alone = dict(sorted(alone.items(), key=lambda item: item[1][0]))
+    found = Decision(
+        verdict="unexplained",
+        omnibus=omnibus,
+        candidates={name: left.p_value for name, (_, left) in alone.items()},
+        misfits={name: misfit for name, (misfit, _) in alone.items()},
+        explanations=(),
+        tests={name: left for name, (_, left) in alone.items()},
+        last=omnibus,
+    )
+    singles = _explanations({(name,): one for name, one in alone.items()})
+    return _concluded(found, singles or _explanations(_pairs(found, put_in, names)))
+
+
+def _explanations(tried: dict[tuple[str, ...], tuple[float, Evidence]]) -> dict[tuple[str, ...], Evidence]:
+    """Those that are not ruled out, best first, if one of them leaves nothing conspicuous."""
+    if max((left.p_value for _, left in tried.values()), default=0.0) < UNEXPLAINED_LEVEL:
+        return {}
+    ordered = sorted(tried.items(), key=lambda item: item[1][0])
+    return {names: left for names, (_, left) in ordered if left.p_value >= SET_LEVEL}
+
+
+def _concluded(found: Decision, explanations: dict[tuple[str, ...], Evidence]) -> Decision:
+    if not explanations:
+        return found
+    verdict = "named" if len(explanations) == 1 else "confusable"
+    best = next(iter(explanations.values()))
+    return dataclasses.replace(found, verdict=verdict, explanations=tuple(explanations), last=best)
+
+
+def _pairs(
+    found: Decision, put_in: Callable[[Sequence[Alternative]], tuple[float, Evidence]], names: Sequence[str]
+) -> dict[tuple[str, ...], tuple[float, Evidence]]:
+    """Pairs of which each cause is needed beside the other, put into the model."""
+    tried: dict[tuple[str, ...], tuple[float, Evidence]] = {}
+    for first in list(found.misfits)[:_FIRST]:
+        left = found.tests[first]
+        for second in left.ranked(names)[:_SECOND]:
+            row = left.best(second)
+            pair = tuple(sorted((first, second)))
+            if row is None or left.p_family[row] > SET_LEVEL:
+                break
+            other = found.tests.get(second)
+            back = None if other is None else other.best(first)
+            if pair in tried or (other is not None and back is not None and other.p_family[back] > SET_LEVEL):
+                continue
+            start = found.omnibus.best(first)
+            if start is not None:
+                tried[pair] = put_in([found.omnibus.alternatives[start], left.alternatives[row]])
+    return tried
 
 
 def evidence(

@@ -87,9 +87,9 @@ class Examined:
         return self.alternative(extension.cause.name).directions
 
     def linear_strengths(self, extensions: Sequence[Extension]) -> Float[np.ndarray, " extension"]:
-        """Strength of each extension by itself in the linearised model: where a refit starts."""
-        alone = [_linear_strength(self.alternative(e.cause.name), self.residuals, self.fitted) for e in extensions]
-        return np.concatenate(alone) if alone else np.zeros(0)
+        """Strengths of the extensions together in the linearised model: where a refit starts."""
+        added = [self.alternative(extension.cause.name) for extension in extensions]
+        return _linear_strengths(added, self.residuals, self.fitted)
 
 
 def examine(
@@ -116,11 +116,10 @@ def examine(
     seen, not_testable = _testable(problem.directions(causes), fitted, size, causes)
     by_name = {cause.name: cause for cause in causes}
 
-    def extend(alternative: Alternative, noise: Noise) -> Refitted:
-        shape = 0.0 if alternative.shape is None else alternative.shape
-        extension = Extension(by_name[alternative.name], shape)
-        start = _linear_strength(alternative, residuals, fitted)
-        refit = fit_extended(problem, (extension,), noise, start, library=causes, profile=False)
+    def extend(added: Sequence[Alternative], noise: Noise) -> Refitted:
+        extensions = [Extension(by_name[a.name], 0.0 if a.shape is None else a.shape) for a in added]
+        start = _linear_strengths(added, residuals, fitted)
+        refit = fit_extended(problem, extensions, noise, start, library=causes, profile=False)
         return Refitted(refit.residuals, refit.directions, refit.misfit)
 
     decision = decide(
@@ -181,10 +180,10 @@ def detectable_strength(alternative: Alternative, visible: float, size: float) -
     return DETECTABLE * size / max(length, 1e-300)
 
 
-def _linear_strength(
-    alternative: Alternative, residuals: Float[np.ndarray, " n"], fitted: Float[np.ndarray, "n p"]
-) -> Float[np.ndarray, " 1"]:
-    """Strength of one alternative in the linearised model, all residuals weighing the same."""
-    columns = np.concatenate([alternative.directions, fitted], axis=1)
+def _linear_strengths(
+    alternatives: Sequence[Alternative], residuals: Float[np.ndarray, " n"], fitted: Float[np.ndarray, "n p"]
+) -> Float[np.ndarray, " alternative"]:
+    """Strengths of alternatives of one direction each in the linearised model, all residuals weighing the same."""
+    columns = np.concatenate([*(alternative.directions for alternative in alternatives), fitted], axis=1)
     lengths = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    return (np.linalg.lstsq(columns / lengths, residuals, rcond=1e-10)[0] / lengths)[:1]
+    return (np.linalg.lstsq(columns / lengths, residuals, rcond=1e-10)[0] / lengths)[: len(alternatives)]

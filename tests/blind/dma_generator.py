@@ -235,8 +235,15 @@ def _distance(m: Measurement, logarithm: np.ndarray, constants: np.ndarray) -> t
 
 
 def hidden(m: Measurement, name: str, d_prime: float, rng: np.random.Generator) -> tuple[np.ndarray, float]:
-    """Logarithm of the modulus with the effect in it, and the strength."""
+    """Logarithm of the modulus with the effect in it, and the strength; of `one+other` both, and that of the first.
+
+    Each of two has the strength that it needs by itself.
+    """
     plain = solid(m.constants, m.omega)
+    if "+" in name:
+        first, second = name.split("+")
+        strengths = [hidden(m, one, d_prime, rng)[1] for one in (first, second)]
+        return np.log(EFFECTS[second](EFFECTS[first](plain, m, strengths[0]), m, strengths[1])), strengths[0]
     if name == "none":
         return np.log(plain), 0.0
     if name in UNKNOWN:
