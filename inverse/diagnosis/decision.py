@@ -6,8 +6,8 @@ r"""From statistics to a verdict, at stated error rates.
    after which nothing is left stays possible: a true one that is tried is left out with probability `SET_LEVEL`.
 3. *Two causes?* Where one does not do, those that what it leaves shows at `SET_LEVEL` by name are put in beside it, and
    everything else is tested once more. A pair counts only if each is needed beside the other at that level.
-4. *No cause?* If not even the best pair leaves the rest inconspicuous at `UNEXPLAINED_LEVEL`, the verdict is
-   `unexplained`, never the nearest name. Which causes stay possible is said then, too: with a true one that happens in
+4. *No cause?* If not even the best leaves the rest inconspicuous at `UNEXPLAINED_LEVEL` (a pair at `PAIR_LEVEL`), the
+   verdict is `unexplained`, never the nearest name. Which causes stay possible is said then, too: with a true one that happens in
    the share of data sets that lies between the two levels.
 """
 
@@ -24,6 +24,8 @@ from inverse.diagnosis.screening import Alternative, Screen, unit_columns
 FREE_FORM_HANDICAP = 5.0
 SET_LEVEL = 0.01
 UNEXPLAINED_LEVEL = 0.04
+PAIR_LEVEL = 0.1
+"""The same for pairs: many are tried, so that one that takes an effect of no name is found more easily."""
 REPLICATES = 400
 _CONSIDERED = 6
 """Causes that are put into the model, best first."""
@@ -208,13 +210,15 @@ def decide(
         tests={name: left for name, (_, left) in alone.items()},
         last=omnibus,
     )
-    singles = _explanations({(name,): one for name, one in alone.items()})
-    return _concluded(found, singles or _explanations(_pairs(found, put_in, names)))
+    singles = _explanations({(name,): one for name, one in alone.items()}, UNEXPLAINED_LEVEL)
+    return _concluded(found, singles or _explanations(_pairs(found, put_in, names), PAIR_LEVEL))
 
 
-def _explanations(tried: dict[tuple[str, ...], tuple[float, Evidence]]) -> dict[tuple[str, ...], Evidence]:
-    """Those that are not ruled out, best first, if one of them leaves nothing conspicuous."""
-    if max((left.p_value for _, left in tried.values()), default=0.0) < UNEXPLAINED_LEVEL:
+def _explanations(
+    tried: dict[tuple[str, ...], tuple[float, Evidence]], level: float
+) -> dict[tuple[str, ...], Evidence]:
+    """Those that are not ruled out, best first, if one of them leaves nothing conspicuous at a level."""
+    if max((left.p_value for _, left in tried.values()), default=0.0) < level:
         return {}
     ordered = sorted(tried.items(), key=lambda item: item[1][0])
     return {names: left for names, (_, left) in ordered if left.p_value >= SET_LEVEL}

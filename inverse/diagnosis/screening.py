@@ -100,7 +100,7 @@ class Screen:
         self._two_sided = np.array([a.sign == 0 for a in self.alternatives if a.directions.shape[1] == 1], dtype=bool)
         groups = [columns for columns, single in zip(reduced, self._single, strict=True) if not single]
         self._ranks = np.array([columns.shape[1] for columns in groups], dtype=int)
-        self._starts = np.concatenate([[0], np.cumsum(self._ranks)[:-1]]).astype(int)
+        self._starts = np.cumsum(self._ranks) - self._ranks
         count = len(self._fitted)
         singles = [columns for columns, single in zip(reduced, self._single, strict=True) if single]
         self._columns = np.concatenate([np.zeros((count, 0)), *singles, *groups], axis=1)

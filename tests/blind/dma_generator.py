@@ -193,18 +193,20 @@ def real(values: np.ndarray) -> np.ndarray:
 
 def length_after_fit(m: Measurement, logarithm: np.ndarray) -> float:
     """Of the difference between a logarithm of the modulus and the closest fractional Zener solid of each sweep."""
-    constants = m.constants.copy()
+    found = [_closest(m, logarithm, m.constants * factors) for factors in _STARTS]
+    return float(np.sqrt(np.sum(np.min(found, axis=0))))
+
+
+def _closest(m: Measurement, logarithm: np.ndarray, constants: np.ndarray) -> np.ndarray:
+    """Least sum of squares of each sweep, by Levenberg's and Marquardt's method from given constants."""
+    constants = np.minimum(constants, [np.inf, np.inf, np.inf, 0.95])
     damping, steps = np.full(5, 1e-3), 1e-5 * np.eye(4)
     squares, left = _distance(m, logarithm, constants)
     for _ in range(_ITERATIONS):
-        slopes = [
-            (
-                _distance(m, logarithm, constants * (1.0 - step))[1]
-                - _distance(m, logarithm, constants * (1.0 + step))[1]
-            )
-            / 2e-5
-            for step in steps
-        ]
+        slopes = []
+        for step in steps:
+            up, down = (_distance(m, logarithm, constants * (1.0 + sign * step))[1] for sign in (1.0, -1.0))
+            slopes.append((down - up) / 2e-5)
         jacobian = np.stack(slopes, axis=-1)
         normal = np.einsum("sni,snj->sij", jacobian, jacobian)
         gradient = np.einsum("sni,sn->si", jacobian, left)
@@ -221,9 +223,10 @@ def length_after_fit(m: Measurement, logarithm: np.ndarray) -> float:
         damping = np.where(better, 0.2 * damping, 5.0 * damping)
         if done or np.all(damping > 1e6):
             break
-    return float(np.sqrt(np.sum(squares)))
+    return squares
 
 
+_STARTS = ((1.0, 1.0, 1.0, 1.0), (0.6, 1.5, 0.1, 0.7), (1.1, 0.8, 1.5, 1.4))
 _ITERATIONS = 60
 
 
