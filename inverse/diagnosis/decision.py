@@ -6,9 +6,9 @@ r"""From statistics to a verdict, at stated error rates.
    after which nothing is left stays possible: a true one that is tried is left out with probability `SET_LEVEL`.
 3. *Two causes?* Where one does not do, those that what it leaves shows at `SET_LEVEL` by name are put in beside it, and
    everything else is tested once more. A pair counts only if each is needed beside the other at that level.
-4. *No cause?* If not even the best leaves the rest inconspicuous at `UNEXPLAINED_LEVEL` (a pair at `PAIR_LEVEL`), the
-   verdict is `unexplained`, never the nearest name. Which causes stay possible is said then, too: with a true one that happens in
-   the share of data sets that lies between the two levels.
+4. *No cause?* If not even the best leaves the rest inconspicuous at `UNEXPLAINED_LEVEL` (a pair: at `PAIR_LEVEL`),
+   the verdict is `unexplained`, never the nearest name. Which causes stay possible is said then, too: with a true one
+   that happens in the share of data sets that lies between the two levels.
 """
 
 import dataclasses

@@ -216,18 +216,18 @@ def _closest(m: Measurement, logarithm: np.ndarray, constants: np.ndarray) -> np
         tried[:, 3] = np.minimum(tried[:, 3], 1.0)
         new_squares, new_left = _distance(m, logarithm, tried)
         better = new_squares < squares
-        done = np.max(np.where(better, squares - new_squares, 0.0)) < 1e-9 * NOISE**2 and np.any(better)
+        still = (better & (squares - new_squares > 1e-7 * NOISE**2)) | (~better & (damping < 1e4))
         constants = np.where(better[:, None], tried, constants)
         left = np.where(better[:, None], new_left, left)
         squares = np.where(better, new_squares, squares)
         damping = np.where(better, 0.2 * damping, 5.0 * damping)
-        if done or np.all(damping > 1e6):
+        if not np.any(still):
             break
     return squares
 
 
-_STARTS = ((1.0, 1.0, 1.0, 1.0), (0.6, 1.5, 0.1, 0.7), (1.1, 0.8, 1.5, 1.4))
-_ITERATIONS = 60
+_STARTS = ((1.0, 1.0, 1.0, 1.0), (0.6, 1.5, 0.1, 0.7), (1.2, 0.8, 1.5, 1.4))
+_ITERATIONS = 200
 
 
 def _distance(m: Measurement, logarithm: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -263,13 +263,16 @@ def hidden(m: Measurement, name: str, d_prime: float, rng: np.random.Generator) 
     def excess(logarithm_of_strength: float) -> float:
         return np.log(length_after_fit(m, changed(np.exp(logarithm_of_strength))) / (d_prime * NOISE))
 
-    # Strong effects bend, so that the strength is solved for and not scaled up from a weak one.
-    low = high = np.log(SCALES.get(name, 1e-4))
+    # Strong effects bend, so that the strength is solved for, from what a weak one would have to be scaled to.
+    weak = np.log(SCALES.get(name, 1e-4))
+    high = low = weak - excess(weak)
     while excess(high) < 0.0:
-        low, high = high, high + 0.5
-        if high > np.log(1e8 * SCALES.get(name, 1e-4)):
+        low, high = high, high + 0.3
+        if high > weak + 25.0:
             raise ValueError(f"no strength of {name} leaves d' = {d_prime:g}")
-    strength = float(np.exp(optimize.brentq(excess, low, high, xtol=1e-4)))
+    while excess(low) > 0.0:
+        low -= 0.3
+    strength = float(np.exp(optimize.brentq(excess, low, high, xtol=1e-3)))
     return changed(strength), strength
 
 
