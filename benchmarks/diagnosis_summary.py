@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from inverse.diagnosis import DMA_CAUSES
-from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.cause import Extension, every_shape
 from inverse.diagnosis.dma_problem import DmaProblem
 from inverse.diagnosis.examination import LEAST_VISIBILITY
 from inverse.diagnosis.noise import noise_family
@@ -77,7 +77,9 @@ def limits(designs: Sequence[DmaProblem], strengths: Sequence[float]) -> dict[st
 
 def _limits_of(problem: DmaProblem, strengths: Sequence[float], rng: np.random.Generator):
     fitted = problem.fitted_directions()
-    alternatives = [a for a in problem.directions(DMA_CAUSES) if visibility(a.directions, fitted)[0] > LEAST_VISIBILITY]
+    alternatives = [
+        a for a in problem.directions(every_shape(DMA_CAUSES)) if visibility(a.directions, fitted)[0] > LEAST_VISIBILITY
+    ]
     white = Screen(fitted, alternatives, noise_family(problem.orderings(), problem.frequencies(), assumed_white=True))
     directions = white.projected()
     owners = np.array([alternative.name for alternative in white.alternatives])
@@ -94,7 +96,7 @@ def _limits_of(problem: DmaProblem, strengths: Sequence[float], rng: np.random.G
         if cause.name not in owners:
             continue
         extension = Extension(cause, TRUE_SHAPES.get(cause.name, cause.shapes[0]))
-        truth = problem.directions_of([extension])[0].directions[:, 0]
+        truth = problem.directions([extension])[0].directions[:, 0]
         truth = truth - basis @ (basis.T @ truth)
         for d_prime in strengths:
             seen = evidence(d_prime * (truth / np.linalg.norm(truth))[:, None] + noise)

@@ -1,5 +1,6 @@
 """What a named cause of misfit is: an extension of one place of the model that does nothing at strength 0."""
 
+from collections.abc import Iterable
 from typing import ClassVar
 
 import equinox as eqx
@@ -124,6 +125,11 @@ class Extension(eqx.Module):
     def has_shape(self) -> bool:
         """Whether the cause has a second parameter."""
         return len(self.cause.shapes) > 1
+
+
+def every_shape(causes: Iterable[DmaCause]) -> list[Extension]:
+    """Every cause in each of the shapes that are screened."""
+    return [Extension(cause, shape) for cause in causes for shape in cause.shapes]
 
 
 def predicted_modulus(

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from inverse.datasets.dma import DmaData, Sweep, group_sweeps
-from inverse.diagnosis.cause import DmaCause, DmaConditions, Extension, predicted_modulus
+from inverse.diagnosis.cause import DmaConditions, Extension, predicted_modulus
 from inverse.diagnosis.noise import Ordering, series
 from inverse.diagnosis.screening import Alternative
 from inverse.dma_fit import DmaFit, SweepFit, ZenerModel, fit_sweeps
@@ -89,14 +89,18 @@ class DmaProblem:
         columns = jacobian[..., :count].reshape(*self.weights.shape, -1)
         return (self.weights[:, :, None] * columns).reshape(self.weights.size, -1)
 
-    def directions(self, causes: Sequence[DmaCause]) -> list[Alternative]:
-        """Derivative of the weighted prediction in the strength of every shape of every cause, at strength 0."""
-        return self.directions_of([Extension(cause, shape) for cause in causes for shape in cause.shapes])
+    def directions(
+        self, extensions: Sequence[Extension], constants: Float[np.ndarray, "sweep 4"] | None = None
+    ) -> list[Alternative]:
+        """Derivative of the weighted prediction in the strength of every extension, at strength 0.
 
-    def directions_of(self, extensions: Sequence[Extension]) -> list[Alternative]:
-        """The same of given shapes."""
+        Args:
+            extensions: Each cause in each of its shapes, for example.
+            constants: Where; the fitted ones without.
+        """
+        constants = self.constants if constants is None else constants
         found = []
-        columns = _in_strengths(jnp.asarray(self.constants), self.conditions, tuple(extensions), self.has_phase)
+        columns = _in_strengths(jnp.asarray(constants), self.conditions, tuple(extensions), self.has_phase)
         for extension, column in zip(extensions, np.asarray(columns), strict=True):
             direction = (self.weights * column).reshape(-1, 1)
             shape = float(extension.shape) if extension.has_shape else None

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from inverse.diagnosis.cause import DmaCause, Extension
+from inverse.diagnosis.cause import DmaCause, Extension, every_shape
 from inverse.diagnosis.decision import REPLICATES, Decision, Refitted, decide
 from inverse.diagnosis.dma_problem import DmaProblem
 from inverse.diagnosis.extended_fit import fit_extended
 from inverse.diagnosis.free_forms import Place, dma_free_forms
 from inverse.diagnosis.noise import Noise, noise_family
-from inverse.diagnosis.screening import Alternative, visibility
+from inverse.diagnosis.screening import Alternative, Screen, visibility
 
 DETECTABLE = 4.5
 """d' at which an effect counts as detectable: it is found in about 96 of 100 data sets."""
@@ -109,11 +109,11 @@ def examine(
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that error rates are calibrated on.
     """
-    residuals, fitted = problem.residuals(), problem.fitted_directions()
-    size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
     family = noise_family(problem.orderings(), problem.frequencies())
+    residuals, fitted, constants = _fitted_in_its_noise(problem, family, causes)
+    size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
     free_forms, places = _free_forms(problem)
-    seen, not_testable = _testable(problem.directions(causes), fitted, size, causes)
+    seen, not_testable = _testable(problem.directions(every_shape(causes), constants), fitted, size, causes)
     by_name = {cause.name: cause for cause in causes}
 
     def extend(added: Sequence[Alternative], noise: Noise) -> Refitted:
@@ -128,6 +128,20 @@ def examine(
     return Examined(
         problem, tuple(causes), residuals, fitted, size, tuple(seen), not_testable, tuple(places), family, decision
     )
+
+
+def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], causes: Sequence[DmaCause]):
+    """Residuals, derivatives and constants of the model fitted in the likeliest kind of noise.
+
+    A fit that takes the noise for white strays farther than the linearisation holds where a part of the data is louder:
+    measured on noise that is three times larger above 40 Hz, one data set in six was found wrong for that alone.
+    """
+    residuals, fitted = problem.residuals(), problem.fitted_directions()
+    _, member, _ = Screen(fitted, (), family).noise_evidence(residuals[:, None])
+    if family[member[0]].is_white:
+        return residuals, fitted, problem.constants
+    refit = fit_extended(problem, (), family[member[0]], np.zeros(0), library=causes, profile=False)
+    return refit.residuals, refit.directions, refit.constants
 
 
 def _free_forms(problem: DmaProblem) -> tuple[list[Alternative], list[Place]]:
