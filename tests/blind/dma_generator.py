@@ -308,10 +308,10 @@ def write(
 
 
 def _readings(name: str, m: Measurement, modulus: np.ndarray) -> float:
-    """Moduli of the solid alone, in which some effects are counted, over those that a reader knows."""
+    """Strength for a reader, who knows no modulus of the solid alone in which it is counted here, over the one here."""
     alone, read = np.abs(solid(m.constants, m.omega)), np.abs(modulus)
     if name == "slip":
-        return float(alone.max() / read.max())
+        return float(read.max() / alone.max())
     if name == "strain-nonlinearity":
         return float(alone.min() / read.min())
     if name in ("second-relaxation", "poroelastic-drainage"):
