@@ -85,7 +85,7 @@ def one_set(condition: Condition, seed: int) -> dict:
     problem, key = measured(seed, name=condition.name, d_prime=condition.d_prime, noise=condition.noise)
     removed = condition.name if condition.part == "removed" else ""
     library = [cause for cause in DMA_CAUSES if cause.name != removed]
-    found = examine(problem, library, np.random.default_rng(seed))
+    found = examine(problem, library, np.random.default_rng(seed), program=DMA_CAUSES)
     decision = found.decision
     ranked = decision.ranked(list(dict.fromkeys(a.name for a in found.seen)))
     line = dataclasses.asdict(condition) | {

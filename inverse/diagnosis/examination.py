@@ -99,6 +99,7 @@ def examine(
     *,
     level: float = 0.05,
     replicates: int = REPLICATES,
+    program: Sequence[DmaCause] = (),
 ) -> Examined:
     """Test every cause and every free form on a fitted data set.
 
@@ -108,9 +109,11 @@ def examine(
         rng: For replicates.
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that error rates are calibrated on.
+        program: Causes that the compiled refits hold beside the library, so that other libraries need no others.
     """
+    program = (*program, *(cause for cause in causes if cause.name not in {one.name for one in program}))
     family = noise_family(problem.orderings(), problem.frequencies())
-    residuals, fitted, constants = _fitted_in_its_noise(problem, family, causes)
+    residuals, fitted, constants = _fitted_in_its_noise(problem, family, program)
     size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
     free_forms, places = _free_forms(problem)
     seen, not_testable = _testable(problem.directions(every_shape(causes), constants), fitted, size, causes)
@@ -119,7 +122,7 @@ def examine(
     def extend(added: Sequence[Alternative], noise: Noise) -> Refitted:
         extensions = [Extension(by_name[a.name], 0.0 if a.shape is None else a.shape) for a in added]
         start = _linear_strengths(added, residuals, fitted)
-        refit = fit_extended(problem, extensions, noise, start, library=causes, profile=False)
+        refit = fit_extended(problem, extensions, noise, start, library=program, profile=False)
         return Refitted(refit.residuals, refit.directions, refit.misfit)
 
     decision = decide(
@@ -130,7 +133,7 @@ def examine(
     )
 
 
-def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], causes: Sequence[DmaCause]):
+def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: Sequence[DmaCause]):
     """Residuals, derivatives and constants of the model fitted in the likeliest kind of noise.
 
     A fit that takes the noise for white strays farther than the linearisation holds where a part of the data is louder:
@@ -140,7 +143,7 @@ def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], causes: S
     _, member, _ = Screen(fitted, (), family).noise_evidence(residuals[:, None])
     if family[member[0]].is_white:
         return residuals, fitted, problem.constants
-    refit = fit_extended(problem, (), family[member[0]], np.zeros(0), library=causes, profile=False)
+    refit = fit_extended(problem, (), family[member[0]], np.zeros(0), library=program, profile=False)
     return refit.residuals, refit.directions, refit.constants
 
 
