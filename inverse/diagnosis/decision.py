@@ -29,7 +29,7 @@ PAIR_LEVEL = 0.1
 REPLICATES = 400
 _CONSIDERED = 6
 """Causes that are put into the model, best first."""
-_FIRST, _SECOND = 4, 4
+_FIRST, _SECOND = 3, 3
 """Causes of which pairs are made, and how many are put beside each."""
 _WORTH_A_LOOK = 0.02
 """p-value of a cause alone above which it is not put into the model."""

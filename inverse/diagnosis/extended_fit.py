@@ -200,7 +200,8 @@ class Refit:
 
     def _solve(self, first, moved, used) -> tuple[Float[np.ndarray, " unknown"], bool, str]:
         """Least squares in the unknowns that are moved."""
-        lower, upper = np.full(len(first), -np.inf), np.full(len(first), np.inf)
+        lower, upper = np.full(len(first), -_BEYOND), np.full(len(first), _BEYOND)
+        lower[self._strengths], upper[self._strengths] = -np.inf, np.inf
         for strength, shape, extension in zip(self._strengths, self._shapes, self.extensions, strict=True):
             lower[strength] = 0.0 if extension.cause.sign > 0 else -np.inf
             lower[shape], upper[shape] = extension.cause.shapes[0], extension.cause.shapes[-1]
@@ -258,6 +259,8 @@ _SMALL = 1e-3
 """Part of the plausible strength at which one that cannot be negative starts at least."""
 _FARTHEST = 12.0
 """Unconstrained numbers beyond which a constant is at its bound and no derivative would bring it back."""
+_BEYOND = 30.0
+"""Unconstrained numbers at which the solver turns back before anything overflows."""
 _STARTS = 4
 """Of a fit to a part of the data."""
 _PROFILED = 9
