@@ -85,11 +85,13 @@ class Refitted:
         residuals: Measured less predicted.
         directions: Derivative of the prediction in everything that was fitted.
         misfit: What the fit made least; among causes, the lower the better.
+        others: The causes that were not put in, at this fit: far from the null model their directions are others.
     """
 
     residuals: Float[np.ndarray, " n"]
     directions: Float[np.ndarray, "n q"]
     misfit: float
+    others: Sequence[Alternative]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,7 +179,7 @@ def decide(
         moved = np.concatenate([fitted, *(alternative.directions for alternative in added)], axis=1)
         white, basis = noise.whiten(residuals[:, None]), np.linalg.qr(noise.whiten(unit_columns(moved)))[0]
         left = white - basis @ (basis.T @ white)
-        return Refitted(residuals, moved, float(np.sum(left**2)))
+        return Refitted(residuals, moved, float(np.sum(left**2)), causes)
 
     omnibus = test(residuals, fitted, [*causes, *free_forms], FREE_FORM_HANDICAP, whole=True)
     if omnibus.p_value > level:
@@ -190,7 +192,8 @@ def decide(
     def put_in(added: Sequence[Alternative]) -> tuple[float, Evidence]:
         refitted = (extend or linearly)(added, noise)
         inside = [alternative.name for alternative in added]
-        others = [cause for cause in causes if cause.name not in inside]
+        visible = {(cause.name, cause.shape) for cause in causes if cause.name not in inside}
+        others = [cause for cause in refitted.others if (cause.name, cause.shape) in visible]
         left = test(refitted.residuals, refitted.directions, [*others, *free_forms], 1.0, whole=False)
         return refitted.misfit, left
 

@@ -123,7 +123,7 @@ def examine(
         extensions = [Extension(by_name[a.name], 0.0 if a.shape is None else a.shape) for a in added]
         start = _linear_strengths(added, residuals, fitted)
         refit = fit_extended(problem, extensions, noise, start, library=program, profile=False)
-        return Refitted(refit.residuals, refit.directions, refit.misfit)
+        return Refitted(refit.residuals, refit.directions, refit.misfit, refit.others)
 
     decision = decide(
         residuals, fitted, seen, free_forms, family, rng, extend=extend, level=level, replicates=replicates

@@ -14,6 +14,7 @@ from scipy import optimize, stats
 from inverse.diagnosis.cause import DmaCause, DmaConditions, Extension
 from inverse.diagnosis.dma_problem import DmaProblem, predict_coordinates
 from inverse.diagnosis.noise import Noise
+from inverse.diagnosis.screening import Alternative
 from inverse.parameters import Parameter, constrain, unconstrain
 
 INTERVAL_LEVEL = 0.95
@@ -32,6 +33,7 @@ class ExtendedFit:
         constants: Of every sweep.
         residuals: Measured less predicted, weighted.
         directions: Derivative of the weighted prediction in strengths, shapes and constants, at the fit.
+        others: Derivative in the strength of every cause of the library that was not added, in every shape, at the fit.
         misfit: Sum of squares of the residuals in coordinates in which the noise is white.
         converged: Whether it did.
         status: The outcome in words.
@@ -44,6 +46,7 @@ class ExtendedFit:
     constants: Float[np.ndarray, "sweep 4"]
     residuals: Float[np.ndarray, " n"]
     directions: Float[np.ndarray, "n p"]
+    others: tuple[Alternative, ...]
     misfit: float
     converged: bool
     status: str
@@ -128,7 +131,8 @@ class Refit:
             intervals=np.where(self._one_sided[:, None], np.maximum(ends, 0.0), ends) * self._scales[:, None],
             constants=np.asarray(_constants(self.white, jnp.asarray(unknowns))),
             residuals=self.plain(unknowns),
-            directions=self._directions(unknowns),
+            directions=self._plain_slope(unknowns)[:, self._moved],
+            others=self._others(unknowns),
             misfit=float(white @ white),
             converged=converged,
             status=status,
@@ -185,14 +189,26 @@ class Refit:
         """Measured less predicted, weighted but not whitened."""
         return np.asarray(_plain(self.white, jnp.asarray(unknowns)))
 
-    def _directions(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "n p"]:
-        """Derivative of the weighted prediction in everything that is moved, not whitened."""
+    def _plain_slope(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "n unknown"]:
+        """Derivative of the weighted prediction in all unknowns, not whitened."""
         flat = eqx.tree_at(
             lambda white: (white.log_deviation, white.correlation),
             self.white,
             (np.zeros_like(self.white.log_deviation), jnp.zeros(())),
         )
-        return -np.asarray(_white_and_slope(flat, jnp.asarray(unknowns), self._all)[1])[:, self._moved]
+        return -np.asarray(_white_and_slope(flat, jnp.asarray(unknowns), self._all)[1])
+
+    def _others(self, unknowns: Float[np.ndarray, " unknown"]) -> tuple[Alternative, ...]:
+        causes, found = self.white.causes, []
+        for number in range(max((len(cause.shapes) for cause in causes), default=0)):
+            at = unknowns.copy()
+            free = [i for i in range(len(causes)) if i not in self._strengths and number < len(causes[i].shapes)]
+            at[[len(causes) + i for i in free]] = [causes[i].shapes[number] for i in free]
+            slope = self._plain_slope(at)
+            for i in free:
+                shape = causes[i].shapes[number] if len(causes[i].shapes) > 1 else None
+                found.append(Alternative(causes[i].name, slope[:, [i]], causes[i].sign, shape))
+        return tuple(found)
 
     def _at(self, unknowns, moved) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n unknown"]]:
         white, jacobian = _white_and_slope(self.white, jnp.asarray(unknowns), self._all)
