@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all lint types format lock benchmark clean
+.PHONY: demo test test-all lint types format lock benchmark operating-characteristic clean
 
 demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measurements
 	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data pyvisco_polymer) --out results/demo/dma
@@ -50,6 +50,9 @@ benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
 	$(BIN)/python -m benchmarks.protocols --out results/benchmarks/protocols.json
 	$(BIN)/python -m benchmarks.inference --out results/benchmarks/inference.json
 	$(BIN)/python -m benchmarks.thermal --out results/benchmarks/thermal.json
+
+operating-characteristic: $(VENV)/.run  ## docs/operating_characteristic.md, in an hour; goes on where it was stopped
+	$(BIN)/python -m benchmarks.diagnosis --out results/benchmarks/diagnosis.jsonl --docs docs
 
 lock: $(VENV)/.dev  ## newest versions that fit pyproject.toml, for every Python and platform
 	$(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-header \

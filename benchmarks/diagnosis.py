@@ -1,9 +1,11 @@
-"""How often the diagnosis is right: detection, attribution and false alarms on data sets with hidden effects, as JSON.
+"""How often the diagnosis is right: detection, attribution and false alarms on data sets with hidden effects.
 
-python -m benchmarks.diagnosis --sets 100 --out results/benchmarks/diagnosis.json
+python -m benchmarks.diagnosis --quick                       # minutes
+python -m benchmarks.diagnosis --sets 20 --docs docs         # goes on where it was stopped; table and figure into docs
 
-The data come from `tests/blind`, which shares no code with the package, on seeds that chose no threshold. Beside each
-rate stands its limit: the same for known white noise and known directions, by the largest projection.
+The data come from `tests/blind`, which shares no code with the package, on seeds that chose no threshold
+(`--development` takes the others). Every data set is one line of `--out`, so that a run can be stopped at any time;
+what is there is summed up beside it. Sets are taken from all conditions in turn.
 """
 
 import os
@@ -11,6 +13,7 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
+import dataclasses
 import json
 import platform
 import tempfile
@@ -21,146 +24,158 @@ import jax
 import numpy as np
 
 import arfjax as ax
+from benchmarks.diagnosis_docs import write_docs
+from benchmarks.diagnosis_summary import limits, summarise
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
-from inverse.diagnosis.dma_problem import dma_problem
+from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
 from inverse.diagnosis.examination import Examined, examine
-from inverse.diagnosis.screening import Screen
+from inverse.diagnosis.extended_fit import fit_extended
 from inverse.dma_fit import FRACTIONAL
 from tests.blind import dma_generator as blind
 
 TESTABLE = [name for name in blind.EFFECTS if name != "clamp-compliance"]
 NOISES = ("white", "tails", "correlated-0.3", "correlated-0.6", "loud")
+STRENGTHS = (3.0, 4.5, 6.0)
+UNKNOWN_STRENGTHS = (5.0, 9.0)
+QUICK_SETS = 2
+_SEEDS_A_CONDITION = 1000
+_DEVELOPMENT_SEEDS_A_CONDITION = 200
 
 
-def examined(seed: int, *, without: str = "", **hidden) -> Examined:
-    """Examine one data set; `without` takes a cause out of the library."""
+@dataclasses.dataclass(frozen=True)
+class Condition:
+    """What is hidden, and how.
+
+    Attributes:
+        part: Of the study: `known`, `null`, `unknown` or `removed`.
+        name: Hidden effect; the cause is taken out of the library in `removed`.
+        d_prime: Its strength; 0 where nothing is hidden.
+        noise: Kind.
+        share: Data sets in each round.
+    """
+
+    part: str
+    name: str
+    d_prime: float
+    noise: str
+    share: int
+
+
+def conditions() -> list[Condition]:
+    """All of them; the place in this list fixes the seeds."""
+    known = [Condition("known", name, d, "white", 1) for d in STRENGTHS for name in TESTABLE]
+    null = [Condition("null", "none", 0.0, noise, 5) for noise in NOISES]
+    unknown = [Condition("unknown", name, d, "white", 3) for d in UNKNOWN_STRENGTHS for name in blind.UNKNOWN]
+    removed = [Condition("removed", name, d, "white", 1) for d in UNKNOWN_STRENGTHS for name in TESTABLE]
+    return [*known, *null, *unknown, *removed]
+
+
+def measured(seed: int, **hidden) -> tuple[DmaProblem, dict]:
+    """One data set, fitted, and its key."""
     with tempfile.TemporaryDirectory() as folder:
-        data = Path(folder) / "data.csv"
-        blind.write(data, Path(folder) / "key.json", seed=blind.TEST_SEEDS + seed, **hidden)
-        problem, _ = dma_problem(read_dma(data), FRACTIONAL)
-    causes = [cause for cause in DMA_CAUSES if cause.name != without]
-    return examine(problem, causes, np.random.default_rng(seed))
+        data, key = Path(folder) / "data.csv", Path(folder) / "key.json"
+        blind.write(data, key, seed=seed, **hidden)
+        return dma_problem(read_dma(data), FRACTIONAL)[0], json.loads(key.read_text())
 
 
-def rates(name: str, sets: int, first_seed: int, **hidden) -> dict[str, float]:
-    """Of one hidden effect: found, ranked first, inside the reported set, called unexplained, size of the set."""
-    found, first, inside, unexplained, sizes = [], [], [], [], []
-    for seed in range(first_seed, first_seed + sets):
-        one = examined(seed, name=name, **hidden)
-        decision = one.decision
-        ranked = decision.omnibus.ranked(list({a.name for a in one.seen}))
-        found.append(decision.verdict != "adequate")
-        first.append(ranked[0] == name)
-        if found[-1]:
-            inside.append(name in decision.named)
-            unexplained.append(decision.verdict == "unexplained")
-            sizes.append(len(decision.named))
+def one_set(condition: Condition, seed: int) -> dict:
+    """What the diagnosis says of one data set, as a line of the record."""
+    begun = time.perf_counter()
+    problem, key = measured(seed, name=condition.name, d_prime=condition.d_prime, noise=condition.noise)
+    removed = condition.name if condition.part == "removed" else ""
+    library = [cause for cause in DMA_CAUSES if cause.name != removed]
+    found = examine(problem, library, np.random.default_rng(seed), program=DMA_CAUSES)
+    decision = found.decision
+    ranked = decision.ranked(list(dict.fromkeys(a.name for a in found.seen)))
+    line = dataclasses.asdict(condition) | {
+        "seed": seed,
+        "verdict": decision.verdict,
+        "p": decision.omnibus.p_value,
+        "first": ranked[0] if ranked else "",
+        "named": list(decision.named),
+        "confusable": list(decision.confusable),
+        "explanations": [list(names) for names in decision.explanations],
+        "possible": list(decision.possible),
+        "misfits": decision.misfits,
+        "by score": decision.omnibus.ranked(list(dict.fromkeys(a.name for a in found.seen)))[:3],
+        "left": decision.candidates.get(condition.name),
+    }
+    if condition.part == "known" and condition.name in decision.candidates:
+        line |= _strength(found, condition.name, key)
+    return line | {"seconds": round(time.perf_counter() - begun, 2)}
+
+
+def _strength(found: Examined, name: str, key: dict) -> dict:
+    """Interval of the hidden strength, and whether the key lies in it."""
+    extension = found.extension(name)
+    noise = found.family[found.decision.tests[name].null_noise]
+    start = found.linear_strengths((extension,))
+    refit = fit_extended(found.problem, (extension,), noise, start, library=found.causes)
+    hidden = key["strength_of_readings"]
+    lower, upper = (float(end) for end in refit.intervals[0])
     return {
-        "detected": float(np.mean(found)),
-        "first": float(np.mean(first)),
-        "in the set, if detected": float(np.mean(inside)),
-        "unexplained, if detected": float(np.mean(unexplained)),
-        "causes in the set": float(np.mean(sizes)),
-        "sets": sets,
+        "strength": hidden,
+        "estimate": float(refit.strengths[0]),
+        "interval": [lower, upper],
+        "covered": lower <= hidden <= upper,
     }
 
 
-def limits(d_prime: float, sets: int = 4000) -> dict[str, dict[str, float]]:
-    """Detected and ranked first if noise and directions were known: largest projection, threshold at 5 %."""
-    one = examined(0)
-    screen = Screen(one.fitted, one.seen, one.family[:1])
-    rng = np.random.default_rng(1)
-    directions = screen.projected()
-    signs = np.array([alternative.sign for alternative in screen.alternatives])
-    owners = np.array([alternative.name for alternative in screen.alternatives])
+def _seed(place: int, number: int, development: bool) -> int:
+    if development:
+        return 200 + _DEVELOPMENT_SEEDS_A_CONDITION * place + number
+    return blind.TEST_SEEDS + 100_000 + _SEEDS_A_CONDITION * place + number
 
-    def evidence(data):
-        projected = directions.T @ data
-        return np.where(signs[:, None] > 0, projected, np.abs(projected))
 
-    noise = rng.standard_normal((len(one.residuals), sets))
-    threshold = np.quantile(evidence(noise).max(axis=0), 0.95)
-    found = {}
-    for name in dict.fromkeys(owners):
-        member = np.flatnonzero(owners == name)
-        seen = evidence(d_prime * directions[:, [member[len(member) // 2]]] + noise)
-        found[name] = {
-            "detected": float(np.mean(seen.max(axis=0) > threshold)),
-            "first": float(np.mean(owners[seen.argmax(axis=0)] == name)),
-        }
-    return found
+def missing(known: list[Condition], sets: int, done: set, development: bool) -> list[tuple[Condition, int]]:
+    """Data sets that are to do, a round of all conditions after the other."""
+    todo = []
+    for number in range(sets):
+        for place, condition in enumerate(known):
+            for part in range(condition.share):
+                seed = _seed(place, number * condition.share + part, development)
+                if (condition.part, seed) not in done:
+                    todo.append((condition, seed))
+    return todo
 
 
 def main() -> None:
-    """Measure and write."""
+    """Measure, sum up and write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path)
-    parser.add_argument("--sets", type=int, default=20, help="data sets of each kind")
+    parser.add_argument("--out", type=Path, default=Path("results/benchmarks/diagnosis.jsonl"))
+    parser.add_argument("--sets", type=int, default=20, help="rounds: sets of each known effect")
+    parser.add_argument("--quick", action="store_true", help=f"{QUICK_SETS} rounds")
     parser.add_argument("--only", default="", help="part of the study: known, null, unknown or removed")
+    parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so long")
+    parser.add_argument("--development", action="store_true", help="seeds on which things may be tried")
+    parser.add_argument("--docs", type=Path, help="folder for the table and the figure")
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    begun, result = time.perf_counter(), {}
-    parts = {"known": _known, "null": _null, "unknown": _unknown, "removed": _removed}
-    for part, measure in parts.items():
-        if given.only in ("", part):
-            result[part] = measure(given.sets)
-    result |= {
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    lines = [json.loads(row) for row in given.out.read_text().splitlines()] if given.out.exists() else []
+    sets = QUICK_SETS if given.quick else given.sets
+    todo = missing(conditions(), sets, {(line["part"], line["seed"]) for line in lines}, given.development)
+    begun = time.perf_counter()
+    with given.out.open("a") as record:
+        for condition, seed in todo:
+            if given.only not in ("", condition.part):
+                continue
+            if time.perf_counter() - begun > 60.0 * given.minutes:
+                break
+            lines.append(one_set(condition, seed))
+            record.write(json.dumps(lines[-1]) + "\n")
+            record.flush()
+    designs = [measured(_seed(place, 0, given.development), name="none")[0] for place in range(5)]
+    summary = {
         "benchmark": "diagnosis",
-        "seconds": round(time.perf_counter() - begun, 1),
+        "seeds": "development" if given.development else "test",
+        **summarise(lines, limits(designs, STRENGTHS)),
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }
-    if given.out is not None:
-        given.out.parent.mkdir(parents=True, exist_ok=True)
-        given.out.write_text(json.dumps(result, indent=2) + "\n")
-
-
-def _known(sets: int) -> dict:
-    found = {}
-    for d_prime in (4.5, 6.0):
-        limit = limits(d_prime)
-        for index, name in enumerate(TESTABLE):
-            one = rates(name, sets, 1000 * (index + 1) + int(100 * d_prime), d_prime=d_prime) | {"limit": limit[name]}
-            found[f"{name}, d' = {d_prime}"] = one
-            print(
-                f"d' {d_prime} {name:22s} detected {one['detected']:.2f} ({limit[name]['detected']:.2f})  "
-                f"first {one['first']:.2f} ({limit[name]['first']:.2f})  in set {one['in the set, if detected']:.2f}  "
-                f"unexplained {one['unexplained, if detected']:.2f}  size {one['causes in the set']:.1f}",
-                flush=True,
-            )
-    return found
-
-
-def _verdicts(sets: int, first_seed: int, **options) -> dict[str, float]:
-    verdicts = [examined(seed, **options).decision.verdict for seed in range(first_seed, first_seed + sets)]
-    return {verdict: verdicts.count(verdict) / sets for verdict in sorted(set(verdicts))}
-
-
-def _null(sets: int) -> dict:
-    found = {}
-    for index, noise in enumerate(NOISES):
-        found[noise] = _verdicts(sets, 30_000 + 1000 * index, noise=noise)
-        print(f"nothing hidden, {noise:15s}", found[noise], flush=True)
-    return found
-
-
-def _unknown(sets: int) -> dict:
-    found = {}
-    for index, name in enumerate(blind.UNKNOWN):
-        for d_prime in (5.0, 9.0):
-            found[f"{name}, d' = {d_prime}"] = _verdicts(
-                sets, 40_000 + 1000 * index + int(10 * d_prime), name=name, d_prime=d_prime
-            )
-            print(f"d' {d_prime} {name:16s}", found[f"{name}, d' = {d_prime}"], flush=True)
-    return found
-
-
-def _removed(sets: int) -> dict:
-    found = {}
-    for index, name in enumerate(TESTABLE):
-        found[name] = _verdicts(sets, 60_000 + 1000 * index, name=name, d_prime=9.0, without=name)
-        print(f"d' 9 taken out of the library: {name:22s}", found[name], flush=True)
-    return found
+    given.out.with_suffix(".json").write_text(json.dumps(summary, indent=2) + "\n")
+    if given.docs is not None:
+        write_docs(summary, given.docs)
 
 
 if __name__ == "__main__":

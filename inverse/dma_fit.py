@@ -91,7 +91,17 @@ class ZenerModel(eqx.Module):
         )
         values[0] = [0.8 * lowest, highest, np.exp(-np.mean(np.log(omega))), 0.5]
         parameters = self.parameters(data)
-        return np.asarray(jax.vmap(lambda row: unconstrain(parameters, row))(values[:, : len(parameters)]))
+        return np.asarray(_unconstrained(_as_arrays(parameters), values[:, : len(parameters)]))
+
+
+def _as_arrays(parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
+    """Bounds as arrays, so that other bounds need no new compilation."""
+    return jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), parameters)
+
+
+@eqx.filter_jit
+def _unconstrained(parameters: tuple[Parameter, ...], values):
+    return jax.vmap(lambda row: unconstrain(parameters, row))(values)
 
 
 CONVENTIONAL = ZenerModel(fractional=False)

@@ -6,7 +6,9 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import acoustics, inference, mechanics, protocols
+from benchmarks import acoustics, diagnosis, inference, mechanics, protocols
+from benchmarks.diagnosis_docs import PAGE, PICTURE, write_docs
+from benchmarks.diagnosis_summary import rate, summarise
 
 
 @pytest.mark.slow
@@ -66,3 +68,50 @@ def test_benchmark_of_the_fast_model_runs(tmp_path, monkeypatch):
     found = json.loads(out.read_text())
     assert found["cases"]["single"]["median_s"] > 0.0 and found["cases"]["4 walkers"]["per_walker_s"] > 0.0
     assert found["errors"]["covered"] == 1.0 and found["errors"]["largest"] < 0.03
+
+
+def test_benchmark_of_the_diagnosis_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    out = tmp_path / "diagnosis.jsonl"
+    given = ["diagnosis", "--out", str(out), "--docs", str(tmp_path / "docs"), "--only", "null", "--development"]
+    monkeypatch.setattr(diagnosis, "NOISES", ("white",))
+    for count in (1, 2):
+        monkeypatch.setattr(sys, "argv", [*given, "--sets", str(count)])
+        diagnosis.main()
+        lines = [json.loads(row) for row in out.read_text().splitlines()]
+        assert len(lines) == len({line["seed"] for line in lines}) == 5 * count
+    found = json.loads(out.with_suffix(".json").read_text())
+    assert found["null"]["white"]["sets"] == 10 and found["seeds"] == "development"
+    assert (tmp_path / "docs" / PICTURE).exists()
+
+
+def test_seeds_of_development_and_test_are_disjoint_and_no_two_sets_share_one():
+    known = diagnosis.conditions()
+    for development in (True, False):
+        todo = diagnosis.missing(known, 20, set(), development)
+        seeds = {seed for _, seed in todo}
+        assert len(seeds) == len(todo) > 1000
+        assert (max(seeds) < diagnosis.blind.TEST_SEEDS) == development
+
+
+def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_path):
+    always = {"p": 0.01, "first": "slip", "misfits": {}, "covered": True, "seconds": 1.0, "noise": "white"}
+    one = always | {"name": "slip", "verdict": "named", "named": ["slip"], "confusable": [], "possible": ["slip"]}
+    other = one | {"verdict": "unexplained", "named": [], "possible": [], "covered": False}
+    lines = [
+        *({"part": "known", "d_prime": d} | line for d in (4.5, 6.0) for line in (one, one, one, other)),
+        *({"part": "null", "d_prime": 0.0} | line for line in (one, *[one | {"verdict": "adequate"}] * 3)),
+        *({"part": part, "d_prime": d} | other for part in ("unknown", "removed") for d in (5.0, 9.0)),
+    ]
+    limit = {f"{d:g}": {"slip": {"detected": 0.97, "first": 0.8}} for d in (4.5, 6.0)}
+    summary = {"seeds": "test", **summarise(lines, limit)}
+    assert summary["all known"]["4.5"]["unexplained, if detected"]["rate"] == 0.25
+    write_docs(summary, tmp_path)
+    page = (tmp_path / PAGE).read_text()
+    assert "| d' = 4.5: detected, at least 93 | 100.0" in page and "| 97.0 | 4 | yes |" in page
+    assert "called unexplained, at most 5 | 25.0" in page and "| 4 | no |" in page
+    assert (tmp_path / PICTURE).stat().st_size > 10_000
+
+
+def test_error_of_a_rate_is_that_of_wilson():
+    assert rate([True] * 30 + [False] * 70)["error"] == pytest.approx(np.sqrt(0.3 * 0.7 / 100), rel=0.02)
+    assert 0.0 < rate([True] * 20)["error"] < 0.05 and rate([])["sets"] == 0

@@ -90,7 +90,7 @@ def _named(found: Diagnosis) -> list[str]:
     for one in found.causes:
         if one.cause.name in members:
             lines += [f"- **{one.cause.name}** ({one.cause.place}): {one.cause.sentence} {_strength(one)}"]
-            if found.confusable:
+            if one.status == "confusable":
                 lines += [f"  To tell it from the others: {one.cause.helps}"]
     text = unexplained(found)
     if text:
@@ -153,7 +153,8 @@ def _table(found: Diagnosis) -> list[str]:
         *lines,
         "",
         "p is for the whole family of causes and free forms, p alone for this cause by itself. A cause is ruled out if "
-        'what it leaves is conspicuous. "Would be seen from" is the strength found in about 96 of 100 such data sets.',
+        "what it leaves is conspicuous, and possible if that is unlikely (p below 0.04) but not out of the question "
+        '(0.01). "Would be seen from" is the strength found in about 96 of 100 such data sets.',
         "",
     ]
 

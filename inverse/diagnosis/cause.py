@@ -1,5 +1,6 @@
 """What a named cause of misfit is: an extension of one place of the model that does nothing at strength 0."""
 
+from collections.abc import Iterable
 from typing import ClassVar
 
 import equinox as eqx
@@ -19,13 +20,14 @@ class DmaConditions(eqx.Module):
         angular_frequency: [rad/s].
         temperature: [degC].
         time: Since the first row of the sample [s], or in rows where the file gives no time.
-        time_in_sweep: Share of the sweep's duration that had passed, 0 to 1.
+        time_in_sweep: Share of the visit's duration that had passed, 0 to 1.
         exposure: Share of the water that saturated vapour took away until then, 0 to 1 over the sample's measurement.
         level: Geometric mean of the measured modulus of the sweep [Pa].
         softest: Lowest measured modulus of all rows [Pa].
         stiffest: Highest measured modulus of all rows [Pa].
-        sweep: Index of the row's sweep.
-        sweep_before: Index of the sweep of the same sample at the temperature before; its own for the first.
+        sweep: Index of the row's sweep: the rows of one sample at one temperature, which share their constants.
+        visit: Index of the row's visit: a sweep whose temperature was measured again later has two.
+        sweep_before: Index of the sweep of the same sample that was visited before; its own for the first visit.
     """
 
     angular_frequency: Float[Array, " row"]
@@ -37,6 +39,7 @@ class DmaConditions(eqx.Module):
     softest: Float[Array, ""]
     stiffest: Float[Array, ""]
     sweep: Int[Array, " row"]
+    visit: Int[Array, " row"]
     sweep_before: Int[Array, " row"]
 
     @property
@@ -75,7 +78,8 @@ class DmaCause(eqx.Module):
         unit: Of the strength.
         sign: 1 if the strength cannot be negative, 0 if it may have either sign.
         plausible: Scale of strengths that one would believe; half-normal or normal prior.
-        shapes: Values of a second parameter, each tried in turn; (0.0,) for a cause without one.
+        shapes: Values of a second parameter to screen, ascending; (0.0,) for a cause without one. A refit moves it
+            between the first and the last.
         shape_means: What the second parameter is; empty for a cause without one.
         sentence: The physics in one sentence.
         helps: The measurement that would show it where these data cannot.
@@ -99,7 +103,7 @@ class DmaCause(eqx.Module):
         return constants
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Modulus that the instrument reports [Pa]."""
         del state, strength, shape
@@ -115,7 +119,17 @@ class Extension(eqx.Module):
     """
 
     cause: DmaCause
-    shape: float = eqx.field(static=True)
+    shape: Strength
+
+    @property
+    def has_shape(self) -> bool:
+        """Whether the cause has a second parameter."""
+        return len(self.cause.shapes) > 1
+
+
+def every_shape(causes: Iterable[DmaCause]) -> list[Extension]:
+    """Every cause in each of the shapes that are screened."""
+    return [Extension(cause, shape) for cause in causes for shape in cause.shapes]
 
 
 def predicted_modulus(

@@ -3,9 +3,12 @@ r"""From statistics to a verdict, at stated error rates.
 1. *Is anything wrong?* The smallest p-value over all causes and free forms, against the same in replicates of the
    residuals that hold noise alone. A free form has to be `FREE_FORM_HANDICAP` times as improbable as a cause.
 2. *Which cause?* Every cause that could be the one is put into the model, and everything else is tested again: a cause
-   after which nothing is left stays in the set: a true one that is tried is left out with probability `SET_LEVEL`.
-3. *No cause?* If not even the best leaves the rest inconspicuous at `UNEXPLAINED_LEVEL`, the verdict is `unexplained`,
-   never the nearest name.
+   after which nothing is left stays possible: a true one that is tried is left out with probability `SET_LEVEL`.
+3. *Two causes?* Where one does not do, those that what it leaves shows at `SET_LEVEL` by name are put in beside it, and
+   everything else is tested once more. A pair counts only if each is needed beside the other at that level.
+4. *No cause?* If not even the best leaves the rest inconspicuous at `UNEXPLAINED_LEVEL` (a pair: at `PAIR_LEVEL`),
+   the verdict is `unexplained`, never the nearest name. Which causes stay possible is said then, too: with a true one
+   that happens in the share of data sets that lies between the two levels.
 """
 
 import dataclasses
@@ -13,19 +16,28 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.screening import Alternative, Screen
+from inverse.diagnosis.screening import Alternative, Screen, unit_columns
 
 FREE_FORM_HANDICAP = 5.0
 SET_LEVEL = 0.01
 UNEXPLAINED_LEVEL = 0.04
+PAIR_LEVEL = 0.1
+"""The same for pairs: many are tried, so that one that takes an effect of no name is found more easily."""
 REPLICATES = 400
 _CONSIDERED = 6
 """Causes that are put into the model, best first."""
+_FIRST, _SECOND = 3, 3
+"""Causes of which pairs are made, and how many are put beside each."""
 _WORTH_A_LOOK = 0.02
 """p-value of a cause alone above which it is not put into the model."""
+_BATCH = 100
+"""Replicates drawn at a time: none of so many is as improbable only if the p-value is below 0.01."""
+_CLEAR, _CLEARLY_BELOW = 0.2, 5.0
+"""Share of a batch above which a p-value is clearly above `UNEXPLAINED_LEVEL`; and nats between the data and the
+most improbable of a batch beyond which it is clearly below `SET_LEVEL`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,7 +51,8 @@ class Evidence:
         log_p: Logarithm of the p-value of each alternative alone.
         p_family: The same for the whole family: that noise alone gives any alternative as improbable a value.
         statistics: t or F of each alternative.
-        noise: The noise member that the most probable alternative goes with.
+        noises: The noise member that each alternative goes with.
+        noise: The one of the most improbable alternative.
         null_noise: The noise member without any alternative.
     """
 
@@ -49,6 +62,7 @@ class Evidence:
     log_p: Float[np.ndarray, " alternative"]
     p_family: Float[np.ndarray, " alternative"]
     statistics: Float[np.ndarray, " alternative"]
+    noises: Int[np.ndarray, " alternative"]
     noise: int
     null_noise: int
 
@@ -64,27 +78,68 @@ class Evidence:
 
 
 @dataclasses.dataclass(frozen=True)
+class Refitted:
+    """The model with one cause or two in it, refitted in full.
+
+    Attributes:
+        residuals: Measured less predicted.
+        directions: Derivative of the prediction in everything that was fitted.
+        misfit: What the fit made least; among causes, the lower the better.
+        others: The causes that were not put in, at this fit: far from the null model their directions are others.
+    """
+
+    residuals: Float[np.ndarray, " n"]
+    directions: Float[np.ndarray, "n q"]
+    misfit: float
+    others: Sequence[Alternative]
+
+
+@dataclasses.dataclass(frozen=True)
 class Decision:
     """What follows.
 
     Attributes:
         verdict: `adequate`, `named`, `confusable` or `unexplained`.
         omnibus: The test of everything at once.
-        candidates: For each cause that was put into the model, the p-value of what is left.
-        named: The causes in the set, best first.
+        candidates: For each cause that was put into the model, the p-value of what is left; the best fit first.
+        misfits: What each of these fits made least.
+        explanations: What is named, best first: each one cause or two that leave nothing conspicuous.
         tests: For each cause that was put into the model, the test of what is left.
+        last: The test of what the model that the verdict ends with leaves.
     """
 
     verdict: str
     omnibus: Evidence
     candidates: dict[str, float]
-    named: tuple[str, ...]
+    misfits: dict[str, float]
+    explanations: tuple[tuple[str, ...], ...]
     tests: dict[str, Evidence]
+    last: Evidence
 
     @property
-    def last(self) -> Evidence:
-        """The test of what the model that the verdict ends with leaves."""
-        return self.tests[self.named[0]] if self.named else self.omnibus
+    def named(self) -> tuple[str, ...]:
+        """Causes that are part of every explanation."""
+        everywhere = set.intersection(*map(set, self.explanations)) if self.explanations else set()
+        return tuple(name for name in self._mentioned if name in everywhere)
+
+    @property
+    def confusable(self) -> tuple[str, ...]:
+        """Causes that are part of some explanations and not of others, best first."""
+        return tuple(name for name in self._mentioned if name not in self.named)
+
+    @property
+    def _mentioned(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(name for names in self.explanations for name in names))
+
+    @property
+    def possible(self) -> tuple[str, ...]:
+        """Causes whose remainder does not rule them out, best first, whatever the verdict."""
+        alone = (name for name, p in self.candidates.items() if p >= SET_LEVEL)
+        return tuple(dict.fromkeys([*self._mentioned, *alone]))
+
+    def ranked(self, names: Sequence[str]) -> list[str]:
+        """Names in order: those that were put into the model by how well it fits then, the others by their p-value."""
+        return [*self.candidates, *(name for name in self.omnibus.ranked(names) if name not in self.candidates)]
 
 
 def decide(
@@ -95,7 +150,7 @@ def decide(
     family: Sequence[Noise],
     rng: np.random.Generator,
     *,
-    extend: Callable[[Alternative], tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n q"]]] | None = None,
+    extend: Callable[[Sequence[Alternative], Noise], Refitted] | None = None,
     level: float = 0.05,
     replicates: int = REPLICATES,
 ) -> Decision:
@@ -108,40 +163,98 @@ def decide(
         free_forms: Corrections of no name.
         family: Noise members, white first.
         rng: For replicates.
-        extend: Refits the model with one cause in full; gives the residuals and the derivatives in everything fitted
-            then. Without it the cause's direction joins the fitted ones.
+        extend: Refits the model with one cause or two in full, in noise of the given kind. Without it their directions
+            join the fitted ones.
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that the levels are calibrated on.
     """
     names = list(dict.fromkeys(cause.name for cause in causes))
 
-    def test(left, moved, remaining: Sequence[Alternative], handicap: float) -> Evidence:
+    def test(left, moved, remaining: Sequence[Alternative], handicap: float, *, whole: bool) -> Evidence:
         screen = Screen(moved, remaining, family)
         log_handicaps = [0.0 if a.name in names else math.log(handicap) for a in screen.alternatives]
-        return evidence(screen, left, rng, np.array(log_handicaps), replicates)
+        return evidence(screen, left, rng, np.array(log_handicaps), replicates, whole=whole)
 
-    def linearly(alternative: Alternative):
-        return residuals, np.concatenate([fitted, alternative.directions], axis=1)
+    def linearly(added: Sequence[Alternative], noise: Noise) -> Refitted:
+        moved = np.concatenate([fitted, *(alternative.directions for alternative in added)], axis=1)
+        white, basis = noise.whiten(residuals[:, None]), np.linalg.qr(noise.whiten(unit_columns(moved)))[0]
+        left = white - basis @ (basis.T @ white)
+        return Refitted(residuals, moved, float(np.sum(left**2)), causes)
 
-    omnibus = test(residuals, fitted, [*causes, *free_forms], FREE_FORM_HANDICAP)
+    omnibus = test(residuals, fitted, [*causes, *free_forms], FREE_FORM_HANDICAP, whole=True)
     if omnibus.p_value > level:
-        return Decision("adequate", omnibus, {}, (), {})
+        return Decision("adequate", omnibus, {}, {}, (), {}, omnibus)
 
-    candidates: dict[str, float] = {}
-    tests: dict[str, Evidence] = {}
-    for name in omnibus.ranked(names)[:_CONSIDERED]:
+    ranked = omnibus.ranked(names)
+    # One kind of noise for all, so that their misfits compare: the one that goes with the likeliest cause.
+    noise = family[omnibus.noises[omnibus.best(ranked[0]) or 0]] if ranked else family[0]
+
+    def put_in(added: Sequence[Alternative]) -> tuple[float, Evidence]:
+        refitted = (extend or linearly)(added, noise)
+        inside = [alternative.name for alternative in added]
+        visible = {(cause.name, cause.shape) for cause in causes if cause.name not in inside}
+        others = [cause for cause in refitted.others if (cause.name, cause.shape) in visible]
+        left = test(refitted.residuals, refitted.directions, [*others, *free_forms], 1.0, whole=False)
+        return refitted.misfit, left
+
+    alone: dict[str, tuple[float, Evidence]] = {}
+    for name in ranked[:_CONSIDERED]:
         row = omnibus.best(name)
         if row is None or omnibus.log_p[row] > math.log(_WORTH_A_LOOK):
             break
-        others = [cause for cause in causes if cause.name != name]
-        left, moved = (extend or linearly)(omnibus.alternatives[row])
-        tests[name] = test(left, moved, [*others, *free_forms], 1.0)
-        candidates[name] = tests[name].p_value
-    if candidates and max(candidates.values()) >= UNEXPLAINED_LEVEL:
-        named = tuple(name for name, p in candidates.items() if p >= SET_LEVEL)
-        verdict = "named" if len(named) == 1 else "confusable"
-        return Decision(verdict, omnibus, candidates, named, tests)
-    return Decision("unexplained", omnibus, candidates, (), tests)
+        alone[name] = put_in([omnibus.alternatives[row]])
+    alone = dict(sorted(alone.items(), key=lambda item: item[1][0]))
+    found = Decision(
+        verdict="unexplained",
+        omnibus=omnibus,
+        candidates={name: left.p_value for name, (_, left) in alone.items()},
+        misfits={name: misfit for name, (misfit, _) in alone.items()},
+        explanations=(),
+        tests={name: left for name, (_, left) in alone.items()},
+        last=omnibus,
+    )
+    singles = _explanations({(name,): one for name, one in alone.items()}, UNEXPLAINED_LEVEL)
+    return _concluded(found, singles or _explanations(_pairs(found, put_in, names), PAIR_LEVEL))
+
+
+def _explanations(
+    tried: dict[tuple[str, ...], tuple[float, Evidence]], level: float
+) -> dict[tuple[str, ...], Evidence]:
+    """Those that are not ruled out, best first, if one of them leaves nothing conspicuous at a level."""
+    if max((left.p_value for _, left in tried.values()), default=0.0) < level:
+        return {}
+    ordered = sorted(tried.items(), key=lambda item: item[1][0])
+    return {names: left for names, (_, left) in ordered if left.p_value >= SET_LEVEL}
+
+
+def _concluded(found: Decision, explanations: dict[tuple[str, ...], Evidence]) -> Decision:
+    if not explanations:
+        return found
+    verdict = "named" if len(explanations) == 1 else "confusable"
+    best = next(iter(explanations.values()))
+    return dataclasses.replace(found, verdict=verdict, explanations=tuple(explanations), last=best)
+
+
+def _pairs(
+    found: Decision, put_in: Callable[[Sequence[Alternative]], tuple[float, Evidence]], names: Sequence[str]
+) -> dict[tuple[str, ...], tuple[float, Evidence]]:
+    """Pairs of which each cause is needed beside the other, put into the model."""
+    tried: dict[tuple[str, ...], tuple[float, Evidence]] = {}
+    for first in list(found.misfits)[:_FIRST]:
+        left = found.tests[first]
+        for second in left.ranked(names)[:_SECOND]:
+            row = left.best(second)
+            pair = tuple(sorted((first, second)))
+            if row is None or left.p_family[row] > SET_LEVEL:
+                break
+            other = found.tests.get(second)
+            back = None if other is None else other.best(first)
+            if pair in tried or (other is not None and back is not None and other.p_family[back] > SET_LEVEL):
+                continue
+            start = found.omnibus.best(first)
+            if start is not None:
+                tried[pair] = put_in([found.omnibus.alternatives[start], left.alternatives[row]])
+    return tried
 
 
 def evidence(
@@ -150,15 +263,25 @@ def evidence(
     rng: np.random.Generator,
     log_handicap: Float[np.ndarray, " alternative"],
     replicates: int,
+    *,
+    whole: bool = True,
 ) -> Evidence:
-    """Test everything at once, against replicates of noise alone."""
+    """Test everything at once, against replicates of noise alone.
+
+    With `whole` false no more replicates are drawn once the p-value is clear: far above every level, or below.
+    """
     found = screen.statistics(residuals[:, None])
     weighted = found.log_p[:, 0] + log_handicap
     best = int(np.argmin(weighted))
     noise = int(found.noise[best, 0])
-    drawn = screen.replicate(residuals, noise, replicates, rng)
-    null = np.min(screen.statistics(drawn).log_p + log_handicap[:, None], axis=0)
-    p_family = (1.0 + np.sum(null[None, :] <= weighted[:, None], axis=1)) / (replicates + 1.0)
+    null = np.zeros(0)
+    while len(null) < replicates:
+        count = replicates if whole else min(_BATCH, replicates - len(null))
+        drawn = screen.replicate(residuals, noise, count, rng)
+        null = np.append(null, np.min(screen.statistics(drawn).log_p + log_handicap[:, None], axis=0))
+        if np.mean(null <= weighted[best]) > _CLEAR or weighted[best] < np.min(null) - _CLEARLY_BELOW:
+            break
+    p_family = (1.0 + np.sum(null[None, :] <= weighted[:, None], axis=1)) / (len(null) + 1.0)
     return Evidence(
         p_value=float(p_family[best]),
         statistic=float(-weighted[best]),
@@ -166,6 +289,7 @@ def evidence(
         log_p=found.log_p[:, 0],
         p_family=p_family,
         statistics=found.statistic[:, 0],
+        noises=found.noise[:, 0],
         noise=noise,
         null_noise=int(found.null_noise[0]),
     )

@@ -39,7 +39,8 @@ class CauseReport:
         estimate: Strength, refitted in full where it was put into the model, else from the linearisation.
         interval: At 95 %.
         detectability: Strength that would be found in about 96 of 100 data sets.
-        status: `named`, `confusable`, `ruled out` (what it leaves is conspicuous), or `not needed`.
+        status: `named`, `confusable`, `possible` (what it leaves is unlikely but does not rule it out; only where the
+            verdict is `unexplained`), `ruled out` (what it leaves is conspicuous), or `not needed`.
         left: p-value of what the model with this cause leaves, where it was put in.
         converged: Whether the refit did; True where there was none.
     """
@@ -93,16 +94,17 @@ class Diagnosis:
 
     @property
     def named(self) -> tuple[str, ...]:
-        """Causes that are named; empty where several cannot be told apart.
+        """Causes that are named: one, or two at once; empty where the data cannot tell them from others.
 
-        One may be named although the verdict is `unexplained`: it explains by far the most, and not all.
+        One may be named although the verdict is `unexplained`: it explains by far the most, and not all. One may be
+        named although the verdict is `confusable`: others are so only beside it.
         """
-        return self.decision.named if self.decision is not None and self.verdict in ("named", "unexplained") else ()
+        return self.decision.named if self.decision is not None else ()
 
     @property
     def confusable(self) -> tuple[tuple[str, ...], ...]:
         """Sets of causes that these data cannot tell apart."""
-        return (self.decision.named,) if self.decision is not None and self.verdict == "confusable" else ()
+        return (self.decision.confusable,) if self.decision is not None and self.decision.confusable else ()
 
 
 def diagnose_dma(
@@ -147,17 +149,16 @@ def diagnose_dma(
     verdict, extended, worth = decision.verdict, None, None
     added = _chosen(examined, decision)
     noise = examined.family[decision.last.null_noise]
-    reports = _reports(examined, decision)
     if added:
         on_step("refitting with " + " and ".join(e.cause.name for e in added))
-        extended = fit_extended(problem, added, noise, examined.linear_strengths(added))
+        extended = fit_extended(problem, added, noise, examined.linear_strengths(added), library=causes)
         if gain:
             on_step("measuring the gain on data left out")
-            worth = held_out_gain(problem, added, noise, extended.strengths)
+            worth = held_out_gain(problem, extended.extensions, noise, extended.strengths, library=causes)
     directions, left = examined.fitted, examined.residuals
     if extended is not None:
-        directions = problem.extended_directions(extended.constants, added[0], float(extended.strengths[0]))
-        left = extended.residuals
+        directions, left = extended.directions, extended.residuals
+    reports = _reports(examined, decision, extended)
     gate = noise_gate(Screen(directions, (), examined.family), left, problem, rng, replicates=replicates)
     if verdict == "adequate" and not gate.as_thought:
         verdict = "noise-model"
@@ -190,14 +191,17 @@ def _with_dominant(examined: Examined) -> Decision:
     for name in decision.candidates:
         extension = examined.extension(name)
         start = examined.linear_strengths((extension,))
-        refit = fit_extended(examined.problem, (extension,), examined.family[0], start)
+        refit = fit_extended(
+            examined.problem, (extension,), examined.family[0], start, library=examined.causes, profile=False
+        )
         after[name] = float(np.sum(refit.residuals**2))
     ranked = sorted(after, key=lambda name: after[name])
     if not ranked or after[ranked[0]] > DOMINANT_SHARE * before:
         return decision
     if len(ranked) > 1 and after[ranked[1]] < DOMINANT_RATIO * after[ranked[0]]:
         return decision
-    return dataclasses.replace(decision, named=(ranked[0],))
+    best = ranked[0]
+    return dataclasses.replace(decision, explanations=((best,),), last=decision.tests[best])
 
 
 def _audit(problem: DmaProblem) -> tuple[str, ...]:
@@ -213,31 +217,36 @@ def _audit(problem: DmaProblem) -> tuple[str, ...]:
 
 
 def _chosen(examined: Examined, decision: Decision) -> tuple[Extension, ...]:
-    """What goes into the model: the best of the named causes."""
-    return tuple(examined.extension(name) for name in decision.named[:1])
+    """What goes into the model: the best explanation."""
+    return tuple(examined.extension(name) for name in (decision.explanations or ((),))[0])
 
 
-def _reports(examined: Examined, decision: Decision) -> tuple[CauseReport, ...]:
+def _reports(examined: Examined, decision: Decision, extended: ExtendedFit | None) -> tuple[CauseReport, ...]:
     """Every cause that the data can see, in rank order."""
     names = list(dict.fromkeys(alternative.name for alternative in examined.seen))
-    return tuple(_report(examined, decision, name) for name in decision.omnibus.ranked(names))
+    return tuple(_report(examined, decision, extended, name) for name in decision.ranked(names))
 
 
-def _report(examined: Examined, decision: Decision, name: str) -> CauseReport:
+def _report(examined: Examined, decision: Decision, extended: ExtendedFit | None, name: str) -> CauseReport:
     extension, row = examined.extension(name), examined.row(name)
     strength = examined.linear_strengths((extension,))
     direction = examined.direction(extension)
     visible = float(visibility(direction, examined.fitted)[0])
     error = examined.size / max(float(np.linalg.norm(direction)) * visible, 1e-300)
     estimate, interval, converged = float(strength[0]), _interval(float(strength[0]), error, extension.cause), True
-    if name in decision.candidates:
+    shape = examined.alternative(name).shape
+    inside = [one.cause.name for one in extended.extensions] if extended is not None else []
+    refit, which = (extended, inside.index(name)) if name in inside else (None, 0)
+    if refit is None and name in decision.candidates:
         noise = examined.family[decision.tests[name].null_noise]
-        refit = fit_extended(examined.problem, (extension,), noise, strength)
-        estimate, converged = float(refit.strengths[0]), refit.converged
-        interval = (float(refit.intervals[0, 0]), float(refit.intervals[0, 1]))
+        refit = fit_extended(examined.problem, (extension,), noise, strength, library=examined.causes)
+    if refit is not None:
+        estimate, converged = float(refit.strengths[which]), refit.converged
+        interval = (float(refit.intervals[which, 0]), float(refit.intervals[which, 1]))
+        shape = None if shape is None else float(refit.extensions[which].shape)
     return CauseReport(
         cause=extension.cause,
-        shape=examined.alternative(name).shape,
+        shape=shape,
         statistic=float(decision.omnibus.statistics[row]),
         p_value=float(decision.omnibus.p_family[row]),
         p_alone=float(np.exp(decision.omnibus.log_p[row])),
@@ -257,7 +266,11 @@ def _interval(estimate: float, error: float, cause: DmaCause) -> tuple[float, fl
 
 def _status(name: str, decision: Decision) -> str:
     if name in decision.named:
-        return "confusable" if decision.verdict == "confusable" else "named"
+        return "named"
+    if name in decision.confusable:
+        return "confusable"
+    if name in decision.possible:
+        return "possible"
     if name in decision.candidates:
         return "ruled out"
     return "not needed"

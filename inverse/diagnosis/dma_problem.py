@@ -7,10 +7,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from inverse.datasets.dma import DmaData, Sweep, group_sweeps
-from inverse.diagnosis.cause import DmaCause, DmaConditions, Extension, predicted_modulus
+from inverse.diagnosis.cause import DmaConditions, Extension, predicted_modulus
 from inverse.diagnosis.noise import Ordering, series
 from inverse.diagnosis.screening import Alternative
 from inverse.dma_fit import DmaFit, SweepFit, ZenerModel, fit_sweeps
@@ -18,6 +18,8 @@ from inverse.dma_residuals import LogModulus
 from inverse.parameters import Parameter
 
 _RESIDUAL = LogModulus()
+_SHORTEST_VISIT = 3
+"""Rows at one temperature in a row, below which temperatures were changed from row to row."""
 LEAST_SPARE = 4
 """Data beyond the number of fitted constants below which nothing is said about the model."""
 
@@ -87,50 +89,34 @@ class DmaProblem:
         columns = jacobian[..., :count].reshape(*self.weights.shape, -1)
         return (self.weights[:, :, None] * columns).reshape(self.weights.size, -1)
 
-    def extended_directions(
-        self, constants: Float[np.ndarray, "sweep 4"], extension: Extension, strength: float
-    ) -> Float[np.ndarray, "n p"]:
-        """Derivative of the weighted prediction in all constants and in the strength, anywhere; and in the shape.
+    def directions(
+        self, extensions: Sequence[Extension], constants: Float[np.ndarray, "sweep 4"] | None = None
+    ) -> list[Alternative]:
+        """Derivative of the weighted prediction in the strength of every extension, at strength 0.
 
-        A cause's shape is one of a few values; the slopes at the values next to it stand in for those in between.
+        Args:
+            extensions: Each cause in each of its shapes, for example.
+            constants: Where; the fitted ones without.
         """
-        count = len(self.model.constants())
-        at = jnp.asarray(constants), jnp.asarray(strength)
-        in_constants, in_strength = _in_everything(*at, self.conditions, extension, self.has_phase)
-        columns = np.asarray(in_constants)[..., :count].reshape(*self.weights.shape, -1)
-        columns = [columns, np.asarray(in_strength)[..., None]]
-        shapes = extension.cause.shapes
-        place = shapes.index(extension.shape) if extension.shape in shapes else -1
-        for neighbour in (place - 1, place + 1) if place >= 0 else ():
-            if 0 <= neighbour < len(shapes):
-                other = Extension(extension.cause, shapes[neighbour])
-                columns.append(np.asarray(_in_everything(*at, self.conditions, other, self.has_phase)[1])[..., None])
-        together = np.concatenate(columns, axis=-1)
-        return (self.weights[:, :, None] * together).reshape(self.weights.size, -1)
-
-    def directions(self, causes: Sequence[DmaCause]) -> list[Alternative]:
-        """Derivative of the weighted prediction in the strength of every shape of every cause, at strength 0."""
+        constants = self.constants if constants is None else constants
         found = []
-        extensions = [Extension(cause, shape) for cause in causes for shape in cause.shapes]
-        columns = _in_strengths(jnp.asarray(self.constants), self.conditions, tuple(extensions), self.has_phase)
+        columns = _in_strengths(jnp.asarray(constants), self.conditions, tuple(extensions), self.has_phase)
         for extension, column in zip(extensions, np.asarray(columns), strict=True):
             direction = (self.weights * column).reshape(-1, 1)
-            shape = extension.shape if extension.cause.shape_means else None
+            shape = float(extension.shape) if extension.has_shape else None
             found.append(Alternative(extension.cause.name, direction, extension.cause.sign, shape))
         return found
 
     def orderings(self) -> tuple[Ordering, ...]:
-        """Neighbours along frequency, and along time where that is another order."""
+        """Neighbours along frequency, and along time where those are others: noise knows no forward and backward."""
         coordinates = self.weights.shape[1]
-        sweep = np.asarray(self.conditions.sweep)
-        keys = [(int(s), c) for s in sweep for c in range(coordinates)]
+        keys = [(int(one), c) for one in np.asarray(self.conditions.visit) for c in range(coordinates)]
         along = {
             "frequency": np.asarray(self.conditions.angular_frequency),
             "time": np.asarray(self.conditions.time),
         }
         found = [series(name, keys, np.repeat(values, coordinates)) for name, values in along.items()]
-        same = np.array_equal(found[0].previous, found[1].previous)
-        return (found[0],) if same else tuple(found)
+        return (found[0],) if found[0].neighbours == found[1].neighbours else tuple(found)
 
     def frequencies(self) -> Float[np.ndarray, " n"]:
         """Frequency of every residual [Hz]."""
@@ -206,22 +192,51 @@ def _times(data: DmaData) -> Float[np.ndarray, " row"]:
 def _conditions(sweeps: Sequence[Sweep]) -> DmaConditions:
     data = [sweep.data for sweep in sweeps]
     sizes = [len(one) for one in data]
-    times = [_times(one) for one in data]
-    exposure = _exposure(sweeps)
+    time = np.concatenate([_times(one) for one in data])
+    sweep = np.repeat(np.arange(len(sweeps)), sizes)
+    visit, before = _visits(sweeps, sweep, time)
+    passed = np.zeros(len(time))
+    for one in np.unique(visit):
+        rows = visit == one
+        passed[rows] = (time[rows] - time[rows].min()) / max(np.ptp(time[rows]), 1e-300)
     magnitude = [one.modulus_magnitude for one in data]
-    before = [_sweep_before(sweeps, index) for index in range(len(sweeps))]
     return DmaConditions(
         angular_frequency=jnp.asarray(2.0 * np.pi * np.concatenate([one.frequency_hz for one in data])),
         temperature=jnp.asarray(np.concatenate([one.temperature_c for one in data])),
-        time=jnp.asarray(np.concatenate(times)),
-        time_in_sweep=jnp.asarray(np.concatenate([(t - t.min()) / max(np.ptp(t), 1e-300) for t in times])),
-        exposure=jnp.asarray(np.concatenate(exposure)),
+        time=jnp.asarray(time),
+        time_in_sweep=jnp.asarray(passed),
+        exposure=jnp.asarray(np.concatenate(_exposure(sweeps))),
         level=jnp.asarray(np.repeat([np.exp(np.mean(np.log(m))) for m in magnitude], sizes)),
         softest=jnp.asarray(min(m.min() for m in magnitude)),
         stiffest=jnp.asarray(max(m.max() for m in magnitude)),
-        sweep=jnp.asarray(np.repeat(np.arange(len(sweeps)), sizes)),
-        sweep_before=jnp.asarray(np.repeat(before, sizes)),
+        sweep=jnp.asarray(sweep),
+        visit=jnp.asarray(visit),
+        sweep_before=jnp.asarray(before),
     )
+
+
+def _visits(
+    sweeps: Sequence[Sweep], sweep: Int[np.ndarray, " row"], time: Float[np.ndarray, " row"]
+) -> tuple[Int[np.ndarray, " row"], Int[np.ndarray, " row"]]:
+    """Visit of each row, in the order in which each sample was measured, and the sweep of the visit before.
+
+    Rows that change temperature all the time are in no order of visits: there every sweep is one.
+    """
+    visit, before = np.zeros(len(sweep), dtype=int), sweep.copy()
+    labels = np.array([one.sample for one in sweeps])[sweep]
+    count = 0
+    for sample in dict.fromkeys(labels.tolist()):
+        rows = np.flatnonzero(labels == sample)
+        starts = np.array([time[sweep == one].min() for one in range(len(sweeps))])
+        rows = rows[np.argsort(time[rows], kind="stable")]
+        parts = np.split(rows, np.flatnonzero(np.diff(sweep[rows])) + 1)
+        if min(len(part) for part in parts) < _SHORTEST_VISIT:
+            rows = rows[np.lexsort((time[rows], sweep[rows], starts[sweep[rows]]))]
+            parts = np.split(rows, np.flatnonzero(np.diff(sweep[rows])) + 1)
+        for earlier, part in zip([parts[0], *parts], parts, strict=False):
+            visit[part], before[part] = count, sweep[earlier[0]]
+            count += 1
+    return visit, before
 
 
 def _exposure(sweeps: Sequence[Sweep]) -> list[Float[np.ndarray, " row"]]:
@@ -245,17 +260,6 @@ def _exposure(sweeps: Sequence[Sweep]) -> list[Float[np.ndarray, " row"]]:
 def _vapour_pressure(temperature: Float[np.ndarray, " row"]) -> Float[np.ndarray, " row"]:
     """Of water [Pa], by the Magnus formula."""
     return 610.94 * np.exp(17.625 * temperature / (243.04 + temperature))
-
-
-def _sweep_before(sweeps: Sequence[Sweep], index: int) -> int:
-    """The sweep of the same sample that was measured before; its own index for the first."""
-    mine = sweeps[index]
-    earlier = [
-        (float(np.min(_times(other.data))), i)
-        for i, other in enumerate(sweeps)
-        if other.sample == mine.sample and np.min(_times(other.data)) < np.min(_times(mine.data))
-    ]
-    return max(earlier)[1] if earlier else index
 
 
 def _coordinates_of(data: DmaData, has_phase: bool) -> Float[np.ndarray, "row coordinate"]:
@@ -297,14 +301,6 @@ def _predicted(constants, conditions, has_phase):
 @eqx.filter_jit
 def _in_constants(constants, conditions, has_phase):
     return jax.jacfwd(lambda c: predict_coordinates(c, conditions, (), jnp.zeros(0), has_phase))(constants)
-
-
-@eqx.filter_jit
-def _in_everything(constants, strength, conditions, extension, has_phase):
-    def response(constants, strength):
-        return predict_coordinates(constants, conditions, (extension,), strength[None], has_phase)
-
-    return jax.jacfwd(response, argnums=(0, 1))(constants, strength)
 
 
 @eqx.filter_jit

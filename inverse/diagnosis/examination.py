@@ -6,13 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from inverse.diagnosis.cause import DmaCause, Extension
-from inverse.diagnosis.decision import REPLICATES, Decision, decide
+from inverse.diagnosis.cause import DmaCause, Extension, every_shape
+from inverse.diagnosis.decision import REPLICATES, Decision, Refitted, decide
 from inverse.diagnosis.dma_problem import DmaProblem
 from inverse.diagnosis.extended_fit import fit_extended
 from inverse.diagnosis.free_forms import Place, dma_free_forms
 from inverse.diagnosis.noise import Noise, noise_family
-from inverse.diagnosis.screening import Alternative, visibility
+from inverse.diagnosis.screening import Alternative, Screen, visibility
 
 DETECTABLE = 4.5
 """d' at which an effect counts as detectable: it is found in about 96 of 100 data sets."""
@@ -87,9 +87,9 @@ class Examined:
         return self.alternative(extension.cause.name).directions
 
     def linear_strengths(self, extensions: Sequence[Extension]) -> Float[np.ndarray, " extension"]:
-        """Strength of each extension by itself in the linearised model: where a refit starts."""
-        alone = [_linear_strength(self.alternative(e.cause.name), self.residuals, self.fitted) for e in extensions]
-        return np.concatenate(alone) if alone else np.zeros(0)
+        """Strengths of the extensions together in the linearised model: where a refit starts."""
+        added = [self.alternative(extension.cause.name) for extension in extensions]
+        return _linear_strengths(added, self.residuals, self.fitted)
 
 
 def examine(
@@ -99,6 +99,7 @@ def examine(
     *,
     level: float = 0.05,
     replicates: int = REPLICATES,
+    program: Sequence[DmaCause] = (),
 ) -> Examined:
     """Test every cause and every free form on a fitted data set.
 
@@ -108,20 +109,21 @@ def examine(
         rng: For replicates.
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that error rates are calibrated on.
+        program: Causes that the compiled refits hold beside the library, so that other libraries need no others.
     """
-    residuals, fitted = problem.residuals(), problem.fitted_directions()
-    size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
+    program = (*program, *(cause for cause in causes if cause.name not in {one.name for one in program}))
     family = noise_family(problem.orderings(), problem.frequencies())
+    residuals, fitted, constants = _fitted_in_its_noise(problem, family, program)
+    size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
     free_forms, places = _free_forms(problem)
-    seen, not_testable = _testable(problem.directions(causes), fitted, size, causes)
+    seen, not_testable = _testable(problem.directions(every_shape(causes), constants), fitted, size, causes)
     by_name = {cause.name: cause for cause in causes}
 
-    def extend(alternative: Alternative):
-        shape = 0.0 if alternative.shape is None else alternative.shape
-        extension = Extension(by_name[alternative.name], shape)
-        start = _linear_strength(alternative, residuals, fitted)
-        refit = fit_extended(problem, (extension,), family[0], start)
-        return refit.residuals, problem.extended_directions(refit.constants, extension, float(refit.strengths[0]))
+    def extend(added: Sequence[Alternative], noise: Noise) -> Refitted:
+        extensions = [Extension(by_name[a.name], 0.0 if a.shape is None else a.shape) for a in added]
+        start = _linear_strengths(added, residuals, fitted)
+        refit = fit_extended(problem, extensions, noise, start, library=program, profile=False)
+        return Refitted(refit.residuals, refit.directions, refit.misfit, refit.others)
 
     decision = decide(
         residuals, fitted, seen, free_forms, family, rng, extend=extend, level=level, replicates=replicates
@@ -129,6 +131,20 @@ def examine(
     return Examined(
         problem, tuple(causes), residuals, fitted, size, tuple(seen), not_testable, tuple(places), family, decision
     )
+
+
+def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: Sequence[DmaCause]):
+    """Residuals, derivatives and constants of the model fitted in the likeliest kind of noise.
+
+    A fit that takes the noise for white strays farther than the linearisation holds where a part of the data is louder:
+    measured on noise that is three times larger above 40 Hz, one data set in six was found wrong for that alone.
+    """
+    residuals, fitted = problem.residuals(), problem.fitted_directions()
+    _, member, _ = Screen(fitted, (), family).noise_evidence(residuals[:, None])
+    if family[member[0]].is_white:
+        return residuals, fitted, problem.constants
+    refit = fit_extended(problem, (), family[member[0]], np.zeros(0), library=program, profile=False)
+    return refit.residuals, refit.directions, refit.constants
 
 
 def _free_forms(problem: DmaProblem) -> tuple[list[Alternative], list[Place]]:
@@ -181,10 +197,10 @@ def detectable_strength(alternative: Alternative, visible: float, size: float) -
     return DETECTABLE * size / max(length, 1e-300)
 
 
-def _linear_strength(
-    alternative: Alternative, residuals: Float[np.ndarray, " n"], fitted: Float[np.ndarray, "n p"]
-) -> Float[np.ndarray, " 1"]:
-    """Strength of one alternative in the linearised model, all residuals weighing the same."""
-    columns = np.concatenate([alternative.directions, fitted], axis=1)
+def _linear_strengths(
+    alternatives: Sequence[Alternative], residuals: Float[np.ndarray, " n"], fitted: Float[np.ndarray, "n p"]
+) -> Float[np.ndarray, " alternative"]:
+    """Strengths of alternatives of one direction each in the linearised model, all residuals weighing the same."""
+    columns = np.concatenate([*(alternative.directions for alternative in alternatives), fitted], axis=1)
     lengths = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    return (np.linalg.lstsq(columns / lengths, residuals, rcond=1e-10)[0] / lengths)[:1]
+    return (np.linalg.lstsq(columns / lengths, residuals, rcond=1e-10)[0] / lengths)[: len(alternatives)]

@@ -1,18 +1,20 @@
 """The model with causes in it, refitted in full: strengths with intervals, and predictions of data left out."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 from scipy import optimize, stats
 
-from inverse.diagnosis.cause import DmaConditions, Extension
+from inverse.diagnosis.cause import DmaCause, DmaConditions, Extension
 from inverse.diagnosis.dma_problem import DmaProblem, predict_coordinates
 from inverse.diagnosis.noise import Noise
+from inverse.diagnosis.screening import Alternative
 from inverse.parameters import Parameter, constrain, unconstrain
 
 INTERVAL_LEVEL = 0.95
@@ -23,12 +25,16 @@ class ExtendedFit:
     """A refit with extensions.
 
     Attributes:
-        extensions: What was added.
+        extensions: What was added, in the shapes that fit best.
         strengths: Their fitted strengths.
         standard_errors: Of the strengths, for noise of the given kind and of the size that the fit leaves.
-        intervals: Of the strengths at `INTERVAL_LEVEL`; a strength that cannot be negative has none below 0.
+        intervals: Of the strengths at `INTERVAL_LEVEL`; a strength that cannot be negative has none below 0. Where a
+            cause has a shape, by the profile likelihood over it.
         constants: Of every sweep.
         residuals: Measured less predicted, weighted.
+        directions: Derivative of the weighted prediction in strengths, shapes and constants, at the fit.
+        others: Derivative in the strength of every cause of the library that was not added, in every shape, at the fit.
+        misfit: Sum of squares of the residuals in coordinates in which the noise is white.
         converged: Whether it did.
         status: The outcome in words.
     """
@@ -39,6 +45,9 @@ class ExtendedFit:
     intervals: Float[np.ndarray, "extension 2"]
     constants: Float[np.ndarray, "sweep 4"]
     residuals: Float[np.ndarray, " n"]
+    directions: Float[np.ndarray, "n p"]
+    others: tuple[Alternative, ...]
+    misfit: float
     converged: bool
     status: str
 
@@ -48,125 +57,267 @@ def fit_extended(
     extensions: Sequence[Extension],
     noise: Noise,
     start: Float[np.ndarray, " extension"],
+    *,
+    library: Sequence[DmaCause] = (),
+    profile: bool = True,
 ) -> ExtendedFit:
-    """Refit all constants and strengths together.
+    """Refit all constants, strengths and shapes together.
 
     Args:
         problem: The data and the fit without extensions, which is where the refit starts.
-        extensions: What to add; none refits the null model.
+        extensions: What to add, in the shapes to start from; none refits the null model.
         noise: Member of the family that weighs the residuals.
         start: First guess of the strengths, in their units.
+        library: Causes that other refits will add: one program serves them all.
+        profile: Whether to profile intervals over shapes; without, they are what the curvature at the best fit gives.
     """
-    return Refit(problem, extensions, noise).fit(start)
+    return Refit(problem, extensions, noise, library=library).fit(start, profile=profile)
 
 
 class Refit:
-    """Refits of one extended model, to all data or to parts; compiled once."""
+    """Refits of one extended model, to all data or to parts.
 
-    def __init__(self, problem: DmaProblem, extensions: Sequence[Extension], noise: Noise) -> None:
+    The program that is compiled holds every cause of the library; those that were not added stay at strength 0, where
+    they are nothing. Compiling it takes far longer than running it.
+    """
+
+    def __init__(
+        self,
+        problem: DmaProblem,
+        extensions: Sequence[Extension],
+        noise: Noise,
+        *,
+        library: Sequence[DmaCause] = (),
+    ) -> None:
         """Prepare."""
         self.problem = problem
         self.extensions = tuple(extensions)
-        self.white = WhiteResidual(problem, self.extensions, noise)
-        self._scales = strength_scales(self.extensions)
+        self._noise = noise
+        known = {cause.name: cause for cause in (*library, *(extension.cause for extension in extensions))}
+        self.white = WhiteResidual(problem, tuple(known.values()), noise)
+        self._scales = strength_scales([extension.cause for extension in self.extensions])
+        self._one_sided = np.array([extension.cause.sign > 0 for extension in self.extensions], dtype=bool)
+        self._everything = np.ones(problem.rows, dtype=bool)
+        self._all = jnp.ones(problem.weights.size)
+        places, total = [list(known).index(extension.cause.name) for extension in self.extensions], len(known)
+        constants = np.arange(problem.moved.size) + 2 * total
+        shaped = [total + place for place, e in zip(places, self.extensions, strict=True) if e.has_shape]
+        self._strengths, self._shapes = np.array(places, dtype=int), np.array(places, dtype=int) + total
+        self._fixed_shapes = np.concatenate([self._strengths, constants])
+        self._moved = np.concatenate([self._strengths, np.array(shaped, dtype=int), constants])
 
-    def fit(self, start: Float[np.ndarray, " extension"]) -> ExtendedFit:
+    @property
+    def moves(self) -> int:
+        """How many numbers are fitted."""
+        return len(self._moved)
+
+    def fit(self, start: Float[np.ndarray, " extension"], *, profile: bool = True) -> ExtendedFit:
         """Refit to all data."""
-        everything = np.ones(self.problem.rows, dtype=bool)
-        unknowns, converged, status = self.solve(start, everything)
-        count = len(self.extensions)
-        mask = jnp.ones(self.problem.weights.size)
-        white, jacobian = (np.asarray(part) for part in _white_and_slope(self.white, jnp.asarray(unknowns), mask))
-        errors, freedom = _errors(jacobian, white, count)
-        strengths, errors = unknowns[:count] * self._scales, errors * self._scales
-        half = stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, freedom) * errors
-        intervals = np.stack([strengths - half, strengths + half], axis=-1).reshape(-1, 2)
-        one_sided = np.array([extension.cause.sign > 0 for extension in self.extensions], dtype=bool)
+        unknowns, converged, status = self.solve(start, self._everything)
+        white, jacobian = self._at(unknowns, self._moved)
+        errors, freedom = _errors(jacobian, white, len(self.extensions))
+        reach = float(stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, freedom))
+        ends = unknowns[self._strengths, None] + reach * errors[:, None] * np.array([-1.0, 1.0])
+        if profile:
+            square = float(white @ white) * (1.0 + reach**2 / freedom)
+            for which, extension in enumerate(self.extensions):
+                if extension.has_shape:
+                    ends[which] = self._profiled(which, unknowns, square)
+        shapes = [float(shape) for shape in unknowns[self._shapes]]
         return ExtendedFit(
-            extensions=self.extensions,
-            strengths=strengths,
-            standard_errors=errors,
-            intervals=np.where(one_sided[:, None], np.maximum(intervals, 0.0), intervals),
+            extensions=tuple(Extension(e.cause, shape) for e, shape in zip(self.extensions, shapes, strict=True)),
+            strengths=unknowns[self._strengths] * self._scales,
+            standard_errors=errors * self._scales,
+            intervals=np.where(self._one_sided[:, None], np.maximum(ends, 0.0), ends) * self._scales[:, None],
             constants=np.asarray(_constants(self.white, jnp.asarray(unknowns))),
             residuals=self.plain(unknowns),
+            directions=self._plain_slope(unknowns)[:, self._moved],
+            others=self._others(unknowns),
+            misfit=float(white @ white),
             converged=converged,
             status=status,
         )
 
     def solve(
-        self, start: Float[np.ndarray, " extension"], used: Bool[np.ndarray, " row"]
+        self,
+        start: Float[np.ndarray, " extension"],
+        used: Bool[np.ndarray, " row"],
+        *,
+        constants: Float[np.ndarray, "sweep n"] | None = None,
     ) -> tuple[Float[np.ndarray, " unknown"], bool, str]:
-        """Refit to the rows in use, from the fit to everything.
+        """Refit to the rows in use.
+
+        Args:
+            start: First guess of the strengths.
+            used: Rows to fit.
+            constants: First guess of them, unconstrained; the fit to everything without.
 
         Returns:
-            Strengths in their plausible scales, then unconstrained constants; whether it converged; and how it ended.
+            Strengths in their plausible scales and shapes of the whole library, then unconstrained constants; whether
+            it converged; and how it ended.
         """
-        moved = zip(self.problem.parameters, self.problem.moved, strict=True)
-        free = np.concatenate([np.asarray(unconstrain(parameters, jnp.asarray(row))) for parameters, row in moved])
-        one_sided = np.array([extension.cause.sign > 0 for extension in self.extensions], dtype=bool)
-        strengths = np.where(one_sided, np.maximum(start / self._scales, _SMALL), start / self._scales)
-        first = np.concatenate([strengths, np.clip(free, -_FARTHEST, _FARTHEST)])
-        lower = np.concatenate([np.where(one_sided, 0.0, -np.inf), np.full(len(free), -np.inf)])
+        if constants is None:
+            constants = np.asarray(_unconstrained(self.white.parameters, jnp.asarray(self.problem.moved)))
+        free = constants.ravel()
+        strengths = start / self._scales
+        causes = self.white.causes
+        first = np.concatenate(
+            [np.zeros(len(causes)), [cause.shapes[0] for cause in causes], np.clip(free, -_FARTHEST, _FARTHEST)]
+        )
+        first[self._strengths] = np.where(self._one_sided, np.maximum(strengths, _SMALL), strengths)
+        first[self._shapes] = [float(extension.shape) for extension in self.extensions]
+        return self._solve(first, self._moved, used)
+
+    def own_constants(self, used: Bool[np.ndarray, " row"]) -> Float[np.ndarray, "sweep n"]:
+        """Constants, unconstrained, that fit the rows in use without any extension; other rows are not looked at."""
+        problem, sweep = self.problem, np.asarray(self.problem.conditions.sweep)
+        kept = [one.data.select(np.flatnonzero(used[sweep == index])) for index, one in enumerate(problem.sweeps)]
+        starts = np.stack([problem.model.starts(data, _STARTS, 0) for data in kept], axis=1)
+        mask = jnp.asarray(np.repeat(used.astype(float), problem.weights.shape[1]))
+        alone = Refit(problem, (), self._noise, library=self.white.causes)
+        least, best = np.full(len(kept), np.inf), np.zeros(starts.shape[1:])
+        for start in starts:
+            unknowns, _, _ = alone.solve(np.zeros(0), used, constants=start)
+            white = np.asarray(_white_and_slope(alone.white, jnp.asarray(unknowns), mask)[0])
+            squares = np.bincount(np.repeat(sweep, problem.weights.shape[1]), white**2, len(kept))
+            better = squares < least
+            least = np.where(better, squares, least)
+            best[better] = unknowns[-start.size :].reshape(start.shape)[better]
+        return best
+
+    def plain(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " n"]:
+        """Measured less predicted, weighted but not whitened."""
+        return np.asarray(_plain(self.white, jnp.asarray(unknowns)))
+
+    def _plain_slope(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "n unknown"]:
+        """Derivative of the weighted prediction in all unknowns, not whitened."""
+        flat = eqx.tree_at(
+            lambda white: (white.log_deviation, white.correlation),
+            self.white,
+            (np.zeros_like(self.white.log_deviation), jnp.zeros(())),
+        )
+        return -np.asarray(_white_and_slope(flat, jnp.asarray(unknowns), self._all)[1])
+
+    def _others(self, unknowns: Float[np.ndarray, " unknown"]) -> tuple[Alternative, ...]:
+        causes, found = self.white.causes, []
+        for number in range(max((len(cause.shapes) for cause in causes), default=0)):
+            at = unknowns.copy()
+            free = [i for i in range(len(causes)) if i not in self._strengths and number < len(causes[i].shapes)]
+            at[[len(causes) + i for i in free]] = [causes[i].shapes[number] for i in free]
+            slope = self._plain_slope(at)
+            for i in free:
+                shape = causes[i].shapes[number] if len(causes[i].shapes) > 1 else None
+                found.append(Alternative(causes[i].name, slope[:, [i]], causes[i].sign, shape))
+        return tuple(found)
+
+    def _at(self, unknowns, moved) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n unknown"]]:
+        white, jacobian = _white_and_slope(self.white, jnp.asarray(unknowns), self._all)
+        return np.asarray(white), np.asarray(jacobian)[:, moved]
+
+    def _solve(self, first, moved, used) -> tuple[Float[np.ndarray, " unknown"], bool, str]:
+        """Least squares in the unknowns that are moved."""
+        lower, upper = np.full(len(first), -_BEYOND), np.full(len(first), _BEYOND)
+        lower[self._strengths], upper[self._strengths] = -np.inf, np.inf
+        for strength, shape, extension in zip(self._strengths, self._shapes, self.extensions, strict=True):
+            lower[strength] = 0.0 if extension.cause.sign > 0 else -np.inf
+            lower[shape], upper[shape] = extension.cause.shapes[0], extension.cause.shapes[-1]
         mask = jnp.asarray(np.repeat(used.astype(float), self.problem.weights.shape[1]))
+        kept: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+        def both(part):
+            # The solver asks for the slope where it has just asked for the value.
+            if (key := part.tobytes()) not in kept:
+                kept.clear()
+                whole = first.copy()
+                whole[moved] = part
+                value, slope = _white_and_slope(self.white, jnp.asarray(whole), mask)
+                kept[key] = np.asarray(value), np.asarray(slope)[:, moved]
+            return kept[key]
+
         solution = optimize.least_squares(
-            lambda u: np.asarray(_white_and_slope(self.white, jnp.asarray(u), mask)[0]),
-            first,
-            jac=lambda u: np.asarray(_white_and_slope(self.white, jnp.asarray(u), mask)[1]),  # pyright: ignore[reportArgumentType]
-            bounds=(lower, np.inf),
+            lambda part: both(part)[0],
+            np.clip(first, lower, upper)[moved],
+            jac=lambda part: both(part)[1],  # pyright: ignore[reportArgumentType]
+            bounds=(lower[moved], upper[moved]),
             x_scale="jac",
             ftol=1e-10,
             xtol=1e-8,
             max_nfev=200,
         )
-        return np.asarray(solution.x), bool(solution.success), str(solution.message)
+        unknowns = first.copy()
+        unknowns[moved] = solution.x
+        return unknowns, bool(solution.success), str(solution.message)
 
-    def plain(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " n"]:
-        """Measured less predicted, weighted but not whitened."""
-        return np.asarray(_plain(self.white, jnp.asarray(unknowns)))
+    def _profiled(self, which: int, best: Float[np.ndarray, " unknown"], square: float) -> Float[np.ndarray, " 2"]:
+        """Strengths whose best sum of squares over shapes and constants stays below a bound.
+
+        At a given shape the sum of squares is a parabola in the strength as good as anything; shapes are tried one by
+        one because the strength that fits bends with them.
+        """
+        shapes, place = self.extensions[which].cause.shapes, self._shapes[which]
+        ends = []
+        for shape in np.unique(np.append(np.linspace(shapes[0], shapes[-1], _PROFILED), best[place])):
+            first = best.copy()
+            first[place] = shape
+            unknowns = self._solve(first, self._fixed_shapes, self._everything)[0]
+            white, jacobian = self._at(unknowns, self._fixed_shapes)
+            room = square - float(white @ white)
+            if room < 0.0:
+                continue
+            errors, freedom = _errors(jacobian, white, len(self.extensions))
+            half = math.sqrt(room) * errors[which] / math.sqrt(float(white @ white) / freedom)
+            middle = unknowns[self._strengths[which]]
+            ends += [middle - half, middle + half]
+        return np.array([min(ends), max(ends)])
 
 
 _SMALL = 1e-3
 """Part of the plausible strength at which one that cannot be negative starts at least."""
 _FARTHEST = 12.0
 """Unconstrained numbers beyond which a constant is at its bound and no derivative would bring it back."""
+_BEYOND = 30.0
+"""Unconstrained numbers at which the solver turns back before anything overflows."""
+_STARTS = 4
+"""Of a fit to a part of the data."""
+_PROFILED = 9
+"""Shapes at which the strength is profiled, beside the best."""
 
 
-def strength_scales(extensions: Sequence[Extension]) -> Float[np.ndarray, " extension"]:
+def strength_scales(causes: Sequence[DmaCause]) -> Float[np.ndarray, " cause"]:
     """Plausible strengths, in which the solver counts."""
-    return np.array([extension.cause.plausible for extension in extensions], dtype=float)
+    return np.array([cause.plausible for cause in causes], dtype=float)
 
 
 class WhiteResidual(eqx.Module):
-    """Whitened residuals as a function of strengths and unconstrained constants."""
+    """Whitened residuals as a function of strengths, shapes and unconstrained constants."""
 
     conditions: DmaConditions
     parameters: tuple[tuple[Parameter, ...], ...]
     measured: Float[np.ndarray, "row coordinate"]
     weights: Float[np.ndarray, "row coordinate"]
     log_deviation: Float[np.ndarray, " n"]
-    previous: Float[np.ndarray, " n"]
-    scales: Float[np.ndarray, " extension"]
+    previous: Int[np.ndarray, " n"]
+    scales: Float[np.ndarray, " cause"]
     correlation: Float[Array, ""]
-    extensions: tuple[Extension, ...]
+    causes: tuple[DmaCause, ...]
     fractional: bool = eqx.field(static=True)
     has_phase: bool = eqx.field(static=True)
 
-    def __init__(self, problem: DmaProblem, extensions: tuple[Extension, ...], noise: Noise) -> None:
+    def __init__(self, problem: DmaProblem, causes: tuple[DmaCause, ...], noise: Noise) -> None:
         """Take what is needed from the problem."""
         self.conditions = problem.conditions
         # As arrays, so that other data of the same shape need no new compilation.
-        self.parameters = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), problem.parameters)
+        self.parameters = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), problem.parameters)
         self.measured, self.weights = problem.measured, problem.weights
         self.log_deviation, self.previous = noise.log_deviation, noise.ordering.previous
         self.correlation = jnp.asarray(noise.correlation)
-        self.scales = strength_scales(extensions)
-        self.extensions = extensions
+        self.scales = strength_scales(causes)
+        self.causes = causes
         self.fractional, self.has_phase = problem.model.fractional, problem.has_phase
 
     def constants(self, unknowns: Float[Array, " unknown"]) -> Float[Array, "sweep 4"]:
         """Reported constants of every sweep; order 1 for the conventional solid."""
-        count = len(self.extensions)
-        rows = unknowns[count:].reshape(len(self.parameters), -1)
+        rows = unknowns[2 * len(self.causes) :].reshape(len(self.parameters), -1)
         values = [constrain(one, row) for one, row in zip(self.parameters, rows, strict=True)]
         moved = jnp.stack(values)
         order = moved[:, 3:] if self.fractional else jnp.ones((len(values), 1))
@@ -174,9 +325,11 @@ class WhiteResidual(eqx.Module):
 
     def plain(self, unknowns: Float[Array, " unknown"]) -> Float[Array, " n"]:
         """Measured less predicted, weighted."""
-        strengths = unknowns[: len(self.extensions)] * self.scales
+        count = len(self.causes)
+        shapes = unknowns[count : 2 * count]
+        extensions = tuple(Extension(cause, shapes[i]) for i, cause in enumerate(self.causes))
         predicted = predict_coordinates(
-            self.constants(unknowns), self.conditions, self.extensions, strengths, self.has_phase
+            self.constants(unknowns), self.conditions, extensions, unknowns[:count] * self.scales, self.has_phase
         )
         return jnp.ravel(self.weights * (self.measured - predicted))
 
@@ -196,6 +349,11 @@ def _white_and_slope(residual_of: WhiteResidual, unknowns, mask):
 @eqx.filter_jit
 def _plain(residual_of: WhiteResidual, unknowns):
     return residual_of.plain(unknowns)
+
+
+@eqx.filter_jit
+def _unconstrained(parameters, moved):
+    return jnp.stack([unconstrain(one, row) for one, row in zip(parameters, moved, strict=True)])
 
 
 @eqx.filter_jit

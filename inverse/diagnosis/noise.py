@@ -16,7 +16,10 @@ from jaxtyping import Float, Int
 
 CORRELATIONS = (0.0, 0.2, 0.4, 0.6, 0.8)
 STEP_PLACES = (0.2, 0.5, 0.7, 0.85)
-"""Quantiles of the coordinate at which the standard deviation may step."""
+"""Quantiles of the coordinate at which the standard deviation of correlated noise may step."""
+FINE_STEP_PLACES = tuple(place / 14.0 for place in range(1, 14))
+"""The same for noise without correlation. A step that is met but for one of three loud frequencies doubles the false
+alarms (10 instead of 5 in 100 data sets of noise three times larger above 40 Hz)."""
 STEP_RATIOS = (1.7, 3.0)
 LOG_PRIOR_OF_STEP = -2.5
 LOG_PRIOR_OF_CORRELATION = -1.5
@@ -34,6 +37,14 @@ class Ordering:
 
     name: str
     previous: Int[np.ndarray, " n"]
+
+    @property
+    def neighbours(self) -> frozenset[tuple[int, int]]:
+        """Pairs of neighbours, whichever comes first."""
+        later = np.flatnonzero(self.previous >= 0)
+        return frozenset(
+            (min(pair), max(pair)) for pair in zip(later.tolist(), self.previous[later].tolist(), strict=True)
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,6 +76,17 @@ class Noise:
         before = scaled[self.ordering.previous]
         innovation = (scaled - self.correlation * before) / math.sqrt(1.0 - self.correlation**2)
         return np.where(later[:, None], innovation, scaled)
+
+    def whiten_transposed(self, white: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+        """The transpose of `whiten`: the product of its result with `white` is that of its argument with this."""
+        scaled = np.array(white)
+        if self.correlation != 0.0:
+            later = np.flatnonzero(self.ordering.previous >= 0)
+            factor = 1.0 / math.sqrt(1.0 - self.correlation**2)
+            scaled[later] = factor * white[later]
+            # Every datum is before one other at most, so that no place is added to twice.
+            scaled[self.ordering.previous[later]] -= self.correlation * factor * white[later]
+        return scaled * np.exp(-self.log_deviation)[:, None]
 
     def colour(self, white: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
         """The inverse of `whiten`: noise of this kind from white noise."""
@@ -111,11 +133,10 @@ def noise_family(
         assumed_white: Take the noise for white and of one size, whatever the data say.
     """
     flat = np.zeros(len(coordinate))
-    levels = [(flat, 1.0, math.nan)]
-    if not assumed_white:
-        levels += _steps(coordinate)
     members = []
     for correlation in CORRELATIONS[: 1 if assumed_white else None]:
+        places = FINE_STEP_PLACES if correlation == 0.0 else STEP_PLACES
+        levels = [(flat, 1.0, math.nan), *(_steps(coordinate, places) if not assumed_white else ())]
         for ordering in orderings[: 1 if correlation == 0.0 else None]:
             for log_deviation, step, place in levels:
                 prior = LOG_PRIOR_OF_STEP * (step != 1.0) + LOG_PRIOR_OF_CORRELATION * (correlation != 0.0)
@@ -140,9 +161,11 @@ def series(name: str, keys: Sequence, positions: Float[np.ndarray, " n"]) -> Ord
     return Ordering(name, previous)
 
 
-def _steps(coordinate: Float[np.ndarray, " n"]) -> list[tuple[Float[np.ndarray, " n"], float, float]]:
+def _steps(
+    coordinate: Float[np.ndarray, " n"], quantiles: Sequence[float]
+) -> list[tuple[Float[np.ndarray, " n"], float, float]]:
     distinct = np.unique(coordinate)
-    places = sorted({int(round(quantile * len(distinct))) for quantile in STEP_PLACES} - {0, len(distinct)})
+    places = sorted({int(round(quantile * len(distinct))) for quantile in quantiles} - {0, len(distinct)})
     found = []
     for place in places:
         middle = math.sqrt(distinct[place - 1] * distinct[place]) if distinct[place - 1] > 0.0 else distinct[place]

@@ -60,15 +60,17 @@ class Statistics:
 
 @dataclasses.dataclass(frozen=True)
 class _Prepared:
-    """One noise member: bases of the fitted parameters and of the alternatives, orthonormal among themselves."""
+    """One noise member: what takes data to their coordinates along fitted parameters and along the alternatives.
+
+    `onto` holds the coordinates of all, one row each, first the fitted parameters, then the single alternatives, then
+    the groups; whitening is in it.
+    """
 
     noise: Noise
     fitted: Float[np.ndarray, "n p"]
     singles: Float[np.ndarray, "n s"]
+    onto: Float[np.ndarray, "k n"]
     log_single: Float[np.ndarray, " s"]
-    groups: Float[np.ndarray, "n g"]
-    starts: Int[np.ndarray, " groups"]
-    ranks: Int[np.ndarray, " groups"]
     log_group: Float[np.ndarray, " groups"]
     log_determinant: float
 
@@ -90,44 +92,48 @@ class Screen:
         self._fitted = independent(fitted)
         self.freedom = self._fitted.shape[0] - self._fitted.shape[1]
         self.family = tuple(family)
-        ranks = [_visible_rank(alternative.directions, self._fitted) for alternative in alternatives]
-        usable = [0 < rank < self.freedom - 1 for rank in ranks]
+        reduced = [_visible(alternative.directions, self._fitted) for alternative in alternatives]
+        usable = [0 < columns.shape[1] < self.freedom - 1 for columns in reduced]
         self.alternatives = tuple(a for a, use in zip(alternatives, usable, strict=True) if use)
-        self._ranks = [rank for rank, use in zip(ranks, usable, strict=True) if use]
+        reduced = [columns for columns, use in zip(reduced, usable, strict=True) if use]
         self._single = np.array([a.directions.shape[1] == 1 for a in self.alternatives], dtype=bool)
         self._two_sided = np.array([a.sign == 0 for a in self.alternatives if a.directions.shape[1] == 1], dtype=bool)
-        self._prepared = [self._prepare(noise) for noise in self.family]
+        groups = [columns for columns, single in zip(reduced, self._single, strict=True) if not single]
+        self._ranks = np.array([columns.shape[1] for columns in groups], dtype=int)
+        self._starts = np.cumsum(self._ranks) - self._ranks
+        count = len(self._fitted)
+        singles = [columns for columns, single in zip(reduced, self._single, strict=True) if single]
+        self._columns = np.concatenate([np.zeros((count, 0)), *singles, *groups], axis=1)
+        self._prepared = self._prepare()
 
     def statistics(self, data: Float[np.ndarray, "n batch"]) -> Statistics:
         """Test every alternative on every column of residuals."""
         count, batch = len(self.alternatives), data.shape[1]
         likelihood = np.full((count, batch), -np.inf)
         statistic, noise = np.zeros((count, batch)), np.zeros((count, batch), dtype=int)
-        ranks = np.ones((count, batch), dtype=int)
         null_likelihood, null_noise = np.full(batch, -np.inf), np.zeros(batch, dtype=int)
         single, several = np.flatnonzero(self._single), np.flatnonzero(~self._single)
+        parameters, rank = self._fitted.shape[1], self._ranks[:, None]
+        squares = _Squares(data)
         for index, prepared in enumerate(self._prepared):
-            left = _project_out(prepared.noise.whiten(data), prepared.fitted)
-            total = np.sum(left**2, axis=0)
+            along = prepared.onto @ data
+            total = squares(prepared.noise) - np.sum(along[:parameters] ** 2, axis=0)
             without = self._likelihood(prepared, 0.0, total, 0)
             better = without > null_likelihood
-            null_likelihood, null_noise = (
-                np.where(better, without, null_likelihood),
-                np.where(better, index, null_noise),
-            )
-            along = prepared.singles.T @ left
-            rest = np.maximum(total - along**2, _FLOOR)
-            t = along / np.sqrt(rest / (self.freedom - 1))
+            null_likelihood = np.where(better, without, null_likelihood)
+            null_noise = np.where(better, index, null_noise)
+            one = along[parameters : parameters + len(single)]
+            rest = np.maximum(total - one**2, _FLOOR)
             found = self._likelihood(prepared, prepared.log_single[:, None], rest, 1)
-            _keep(single, found, index, t, 1, (likelihood, noise, statistic, ranks))
+            t = one / np.sqrt(rest / (self.freedom - 1))
+            _keep(single, found, index, t, (likelihood, noise, statistic))
             if several.size:
-                inside = np.add.reduceat((prepared.groups.T @ left) ** 2, prepared.starts, axis=0)
-                rank = prepared.ranks[:, None]
+                inside = np.add.reduceat(along[parameters + len(single) :] ** 2, self._starts, axis=0)
                 rest = np.maximum(total - inside, _FLOOR)
-                f = (inside / rank) / (rest / (self.freedom - rank))
                 found = self._likelihood(prepared, prepared.log_group[:, None], rest, rank)
-                _keep(several, found, index, f, rank, (likelihood, noise, statistic, ranks))
-        return Statistics(self._log_p(statistic, ranks), statistic, noise, null_noise)
+                f = (inside / rank) / (rest / (self.freedom - rank))
+                _keep(several, found, index, f, (likelihood, noise, statistic))
+        return Statistics(self._log_p(statistic), statistic, noise, null_noise)
 
     def noise_evidence(
         self, data: Float[np.ndarray, "n batch"]
@@ -170,35 +176,42 @@ class Screen:
         """Unit directions of the single alternatives, fitted parameters projected out, in white coordinates."""
         return self._prepared[noise].singles
 
-    def _prepare(self, noise: Noise) -> _Prepared:
-        fitted, triangle = np.linalg.qr(noise.whiten(self._fitted))
-        singles, bases, ranks = [], [], []
-        for alternative, rank in zip(self.alternatives, self._ranks, strict=True):
-            if alternative.directions.shape[1] == 1:
-                singles.append(_project_out(noise.whiten(alternative.directions), fitted))
-            else:
-                bases.append(_leading(_project_out(noise.whiten(unit_columns(alternative.directions)), fitted), rank))
-                ranks.append(rank)
-        stacked = np.concatenate(singles, axis=1) if singles else np.zeros((len(fitted), 0))
-        lengths = np.maximum(np.linalg.norm(stacked, axis=0), _FLOOR)
-        return _Prepared(
-            noise=noise,
-            fitted=fitted,
-            singles=stacked / lengths,
-            log_single=2.0 * np.log(lengths),
-            groups=np.concatenate([basis for basis, _ in bases], axis=1) if bases else np.zeros((len(fitted), 0)),
-            starts=np.concatenate([[0], np.cumsum(ranks)[:-1]]).astype(int) if bases else np.zeros(0, dtype=int),
-            ranks=np.array(ranks, dtype=int),
-            log_group=np.array([log for _, log in bases]),
-            log_determinant=noise.log_determinant + 2.0 * float(np.sum(np.log(np.abs(np.diag(triangle))))),
-        )
+    def _prepare(self) -> list[_Prepared]:
+        """All members together: one call of each decomposition for all."""
+        fitted, triangle = np.linalg.qr(np.stack([noise.whiten(self._fitted) for noise in self.family]))
+        left = np.stack([noise.whiten(self._columns) for noise in self.family])
+        left -= fitted @ (fitted.transpose(0, 2, 1) @ left)
+        count = int(np.sum(self._single))
+        lengths = np.maximum(np.linalg.norm(left[:, :, :count], axis=1), _FLOOR)
+        bases = [left[:, :, :count] / lengths[:, None, :]]
+        log_group = np.zeros((len(self.family), len(self._ranks)))
+        for group, (start, rank) in enumerate(zip(self._starts + count, self._ranks, strict=True)):
+            columns = left[:, :, start : start + rank]
+            # Columns of unit length and far from dependent: their products lose no digits that count.
+            corner = np.linalg.cholesky(columns.transpose(0, 2, 1) @ columns)
+            bases.append(columns @ np.linalg.inv(corner).transpose(0, 2, 1))
+            log_group[:, group] = 2.0 * np.sum(np.log(np.diagonal(corner, axis1=1, axis2=2)), axis=1)
+        together = np.concatenate([fitted, *bases], axis=2)
+        log_fitted = 2.0 * np.sum(np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2))), axis=1)
+        return [
+            _Prepared(
+                noise=noise,
+                fitted=fitted[i],
+                singles=bases[0][i],
+                onto=np.ascontiguousarray(noise.whiten_transposed(together[i]).T),
+                log_single=2.0 * np.log(lengths[i]),
+                log_group=log_group[i],
+                log_determinant=noise.log_determinant + float(log_fitted[i]),
+            )
+            for i, noise in enumerate(self.family)
+        ]
 
     def _likelihood(self, prepared: _Prepared, log_directions, rest, rank):
         """Restricted log-likelihood, the size of the noise at its best."""
         determinants = prepared.log_determinant + log_directions
         return prepared.noise.log_prior - 0.5 * determinants - 0.5 * (self.freedom - rank) * np.log(rest)
 
-    def _log_p(self, statistic, ranks):
+    def _log_p(self, statistic):
         log_p = np.zeros_like(statistic)
         single = np.flatnonzero(self._single)
         one = stats.t.logsf(statistic[single], self.freedom - 1)
@@ -206,8 +219,38 @@ class Screen:
         log_p[single] = np.where(self._two_sided[:, None], both, one)
         several = np.flatnonzero(~self._single)
         if several.size:
-            log_p[several] = stats.f.logsf(statistic[several], ranks[several], self.freedom - ranks[several])
+            rank = self._ranks[:, None]
+            log_p[several] = stats.f.logsf(statistic[several], rank, self.freedom - rank)
         return log_p
+
+
+class _Squares:
+    """Sum of squares of whitened data for any member, from sums over each of the few steps of the deviation."""
+
+    def __init__(self, data: Float[np.ndarray, "n batch"]) -> None:
+        self._data, self._sums, self._scaled = data, {}, {}
+
+    def __call__(self, noise: Noise) -> Float[np.ndarray, " batch"]:
+        step = (noise.step, noise.place)
+        if step not in self._scaled:
+            self._scaled[step] = self._data * np.exp(-noise.log_deviation)[:, None]
+        scaled = self._scaled[step]
+        whole = self._once((step, ""), lambda: np.sum(scaled**2, axis=0))
+        if noise.correlation == 0.0:
+            return whole
+        later = np.flatnonzero(noise.ordering.previous >= 0)
+        before = noise.ordering.previous[later]
+        name = noise.ordering.name
+        own = self._once((step, name, "own"), lambda: np.sum(scaled[later] ** 2, axis=0))
+        others = self._once((step, name, "others"), lambda: np.sum(scaled[before] ** 2, axis=0))
+        both = self._once((step, name, "both"), lambda: np.sum(scaled[later] * scaled[before], axis=0))
+        rho = noise.correlation
+        return whole - own + (own - 2.0 * rho * both + rho**2 * others) / (1.0 - rho**2)
+
+    def _once(self, key, value) -> Float[np.ndarray, " batch"]:
+        if key not in self._sums:
+            self._sums[key] = value()
+        return self._sums[key]
 
 
 def independent(columns: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n r"]:
@@ -228,26 +271,24 @@ def visibility(columns: Float[np.ndarray, "n q"], fitted: Float[np.ndarray, "n p
     return np.linalg.norm(_project_out(unit_columns(columns), independent(fitted)), axis=0)
 
 
-def _visible_rank(columns: Float[np.ndarray, "n q"], basis: Float[np.ndarray, "n p"]) -> int:
-    left = np.linalg.svd(_project_out(unit_columns(columns), basis), compute_uv=False)
-    return int(np.sum(left > (_VISIBLE if columns.shape[1] > 1 else 0.0)))
+def _visible(columns: Float[np.ndarray, "n q"], basis: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n r"]:
+    """A direction as it is; for several, combinations of them of which the fit leaves unit length."""
+    left = _project_out(unit_columns(columns), basis)
+    if columns.shape[1] == 1:
+        return columns if np.any(left) else columns[:, :0]
+    _, singular, combinations = np.linalg.svd(left, full_matrices=False)
+    seen = singular > _VISIBLE
+    return unit_columns(columns) @ (combinations[seen].T / singular[seen])
 
 
 def _project_out(columns: Float[np.ndarray, "n m"], basis: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n m"]:
     return columns - basis @ (basis.T @ columns)
 
 
-def _leading(columns: Float[np.ndarray, "n q"], rank: int) -> tuple[Float[np.ndarray, "n r"], float]:
-    """Orthonormal basis of the `rank` strongest directions, and the logarithm of their squared volume."""
-    basis, singular, _ = np.linalg.svd(columns, full_matrices=False)
-    return basis[:, :rank], 2.0 * float(np.sum(np.log(singular[:rank])))
-
-
-def _keep(rows, found, index, statistic, rank, into) -> None:
+def _keep(rows, found, index, statistic, into) -> None:
     """Where this noise member is the likeliest so far, its statistic is the one that counts."""
-    likelihood, noise, kept, ranks = into
+    likelihood, noise, kept = into
     better = found > likelihood[rows]
     likelihood[rows] = np.where(better, found, likelihood[rows])
     noise[rows] = np.where(better, index, noise[rows])
     kept[rows] = np.where(better, statistic, kept[rows])
-    ranks[rows] = np.where(better, rank, ranks[rows])

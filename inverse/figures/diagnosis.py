@@ -76,14 +76,14 @@ def _draw_residuals(axis: Axes, problem, values, scale) -> None:
 
 def _draw_causes(axis: Axes, found: Diagnosis) -> None:
     shown = found.causes[:_MOST_CAUSES][::-1]
-    colours = {"named": "C3", "confusable": "C1", "ruled out": "0.45"}
+    colours = {"named": "C3", "confusable": "C1", "possible": "C4", "ruled out": "0.45"}
     for row, one in enumerate(shown):
         axis.barh(row, _evidence(one), color=colours.get(one.status, "0.8"), height=0.65)
     axis.set_yticks(range(len(shown)), [one.cause.name for one in shown], fontsize=7)
     axis.set_xlabel("t of the strength")
-    labels = {"named": "named", "confusable": "cannot be told apart", "ruled out": "ruled out"}
-    present = [status for status in labels if any(one.status == status for one in shown)]
-    handles = [Patch(color=colours[status], label=labels[status]) for status in present]
+    present = [status for status in colours if any(one.status == status for one in shown)]
+    labels = {"confusable": "cannot be told apart"}
+    handles = [Patch(color=colours[status], label=labels.get(status, status)) for status in present]
     handles += [Patch(color="0.8", label="not needed")]
     axis.legend(handles=handles, fontsize=7, frameon=False, loc="lower right")
     axis.margins(y=0.01)

@@ -21,7 +21,7 @@ class BathViscosity(DmaCause):
     source = "Stefan (1874) squeeze flow between plates, from memory; scale: water in a gap of 1 mm, assumed"
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Loss modulus plus viscosity times frequency."""
         del shape

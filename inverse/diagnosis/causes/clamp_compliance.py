@@ -22,7 +22,7 @@ class ClampCompliance(DmaCause):
     )
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Compliances of sample and clamp in series."""
         del state, shape

@@ -21,7 +21,7 @@ class Drying(DmaCause):
     )
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Modulus times one plus the water lost so far."""
         del shape

@@ -25,7 +25,7 @@ class FrameResonance(DmaCause):
     shape_means: ClassVar[str] = "resonance over the highest frequency"
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Response of a damped oscillator, as a part of the modulus."""
         resonance = shape * state.conditions.highest

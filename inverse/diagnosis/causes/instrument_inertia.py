@@ -21,7 +21,7 @@ class InstrumentInertia(DmaCause):
     )
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Storage modulus less the mass over the sample's geometry factor times the square of frequency."""
         del shape

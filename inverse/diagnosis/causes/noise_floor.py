@@ -24,7 +24,7 @@ class NoiseFloor(DmaCause):
     )
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Magnitudes of signal and noise added in quadrature, phase kept."""
         del state, shape

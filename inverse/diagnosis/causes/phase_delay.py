@@ -19,7 +19,7 @@ class PhaseDelay(DmaCause):
     source = "ISO 6721-1, annex on phase calibration, from memory; scale: one sample at 10 kHz, assumed"
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Phase turned by frequency times the delay."""
         del shape

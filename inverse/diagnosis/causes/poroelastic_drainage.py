@@ -26,7 +26,7 @@ class PoroelasticDrainage(DmaCause):
     shape_means: ClassVar[str] = "place in the sweep: 0 drains at the lowest frequency, 1 at the highest"
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Stiffness that locked-in fluid adds, in proportion to the sweep's modulus."""
         time = state.conditions.lowest ** -(1.0 - shape) * state.conditions.highest**-shape

@@ -22,7 +22,7 @@ class SecondRelaxation(DmaCause):
     shape_means: ClassVar[str] = "place in the sweep: 0 relaxes at the lowest frequency, 1 at the highest"
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """A branch of the same relaxation time at all temperatures, in proportion to the sweep's modulus."""
         time = state.conditions.lowest ** -(1.0 - shape) * state.conditions.highest**-shape

@@ -29,7 +29,7 @@ class Slip(DmaCause):
     )
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Stiffness lost in proportion to the force, friction gained."""
         del shape

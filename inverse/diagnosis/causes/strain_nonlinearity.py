@@ -27,7 +27,7 @@ class StrainNonlinearity(DmaCause):
     )
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Stiffness lost in proportion to the strain, which is one over the modulus at constant force."""
         del shape

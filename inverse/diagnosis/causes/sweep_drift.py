@@ -18,7 +18,7 @@ class SweepDrift(DmaCause):
     source = "scale assumed: a tenth in a sweep"
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Modulus times one plus the share of the sweep that has passed."""
         del shape

@@ -23,7 +23,7 @@ class TemperatureLag(DmaCause):
     shape_means: ClassVar[str] = "time constant over the duration of a sweep"
 
     def measured(
-        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: float
+        self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
         """Modulus on its way from that of the temperature before to that of this one."""
         remaining = strength * jnp.exp(-state.conditions.time_in_sweep / shape)

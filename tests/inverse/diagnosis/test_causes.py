@@ -5,7 +5,7 @@ import pytest
 
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
-from inverse.diagnosis.cause import Extension, predicted_modulus
+from inverse.diagnosis.cause import every_shape, predicted_modulus
 from inverse.diagnosis.dma_problem import dma_problem
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
 from tests.blind import dma_generator as blind
@@ -14,7 +14,7 @@ REQUIRED = (
     "instrument-inertia clamp-compliance frame-resonance phase-delay noise-floor slip sweep-drift drying "
     "bath-viscosity temperature-lag second-relaxation power-law-relaxation poroelastic-drainage strain-nonlinearity"
 ).split()
-EVERY = [Extension(cause, shape) for cause in DMA_CAUSES for shape in cause.shapes]
+EVERY = every_shape(DMA_CAUSES)
 IDS = [f"{e.cause.name}-{e.shape}" for e in EVERY]
 
 
@@ -80,7 +80,7 @@ def test_direction_is_what_an_independent_code_gives(problem, measured, name):
     plain, small = blind.solid(constants, m.omega), blind.SCALES.get(name, 1e-4)
     theirs = np.log(blind.EFFECTS[name](plain, m, small) / blind.EFFECTS[name](plain, m, -small)) / (2.0 * small)
     theirs = np.stack([theirs.real.ravel(), theirs.imag.ravel()], axis=-1).ravel()
-    ours = [a.directions[:, 0] for a in problem.directions([c for c in DMA_CAUSES if c.name == name])]
+    ours = [a.directions[:, 0] for a in problem.directions(every_shape(c for c in DMA_CAUSES if c.name == name))]
     cosines = [theirs @ one / np.linalg.norm(theirs) / np.linalg.norm(one) for one in ours]
     # Shapes between those of the library are met by the two next to them, but not exactly.
     assert max(cosines) > (0.999 if len(ours) == 1 else 0.95)
@@ -92,14 +92,14 @@ def test_direction_is_what_an_independent_code_gives(problem, measured, name):
 def test_compliance_in_series_is_imitated_by_the_constants(problem):
     from inverse.diagnosis.screening import visibility
 
-    clamp = problem.directions([cause for cause in DMA_CAUSES if cause.name == "clamp-compliance"])[0]
+    clamp = problem.directions(every_shape(c for c in DMA_CAUSES if c.name == "clamp-compliance"))[0]
     assert visibility(clamp.directions, problem.fitted_directions())[0] < 1e-6
 
 
 def test_power_law_is_in_the_fractional_model_and_not_in_the_conventional_one(measured, problem):
     from inverse.diagnosis.screening import visibility
 
-    cause = [cause for cause in DMA_CAUSES if cause.name == "power-law-relaxation"]
+    cause = every_shape(cause for cause in DMA_CAUSES if cause.name == "power-law-relaxation")
     assert visibility(problem.directions(cause)[0].directions, problem.fitted_directions())[0] < 1e-6
     zener = dma_problem(measured, CONVENTIONAL)[0]
     assert visibility(zener.directions(cause)[0].directions, zener.fitted_directions())[0] > 0.1

@@ -1,0 +1,236 @@
+"""The operating characteristic as a page of the documentation: one table of what is asked, tables of all, a figure."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+PAGE, PICTURE = "operating_characteristic.md", "operating_characteristic.png"
+_KINDS = {
+    "bump": "bump at one frequency",
+    "smooth": "smooth, common to all sweeps",
+    "mains": "one frequency",
+    "one-temperature": "one temperature",
+    "all": "all",
+}
+_COLOURS = {"unexplained": "#2a7f62", "confusable": "#e0b04a", "named": "#c0392b", "adequate": "#b8bcc2"}
+_WORDS = {
+    "unexplained": "called unexplained",
+    "confusable": "in a set of names",
+    "named": "named",
+    "adequate": "not found",
+}
+
+Rate = dict[str, float]
+
+
+def write_docs(summary: dict[str, Any], folder: Path) -> None:
+    """Write page and figure.
+
+    Args:
+        summary: From `benchmarks.diagnosis`.
+        folder: Where to.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    figure(summary).savefig(folder / PICTURE, dpi=150)
+    (folder / PAGE).write_text(page(summary))
+
+
+def figure(summary: dict[str, Any]) -> Figure:
+    """Power, attribution and false alarms against d', and what becomes of effects without a name."""
+    drawn = Figure(figsize=(11.0, 7.4), layout="constrained")
+    power, attribution, alarm, strange = drawn.subplots(2, 2).ravel()
+    known = summary["all known"]
+    strengths = sorted(known, key=float)
+    x = [float(d) for d in strengths]
+    nothing = summary["null"].get("white")
+    _points(power, x, [known[d]["detected"] for d in strengths], "C0", "detected")
+    if nothing:
+        _points(power, [0.0], [nothing], "C0", None)
+    power.plot(x, [known[d]["limit"]["detected"] for d in strengths], "C0--", label="limit, noise known")
+    power.axhline(0.05, color="0.6", lw=0.8)
+    power.text(6.2, 0.065, "level 5 %", ha="right", va="bottom", color="0.4", fontsize=9)
+    power.set(title="Is anything wrong?", ylabel="share of data sets", xlim=(-0.3, 6.4), ylim=(0.0, 1.03))
+    _points(attribution, x, [known[d]["first"] for d in strengths], "C0", "right cause ranked first")
+    attribution.plot(x, [known[d]["limit"]["first"] for d in strengths], "C0--", label="limit of that, noise known")
+    pairs = (
+        ("possible, if detected", "C2", "not ruled out, if detected"),
+        ("covered", "C1", "strength in its interval"),
+    )
+    for offset, (key, colour, label) in zip((-0.06, 0.06), pairs, strict=True):
+        _points(attribution, [d + offset for d in x], [known[d][key] for d in strengths], colour, label)
+    attribution.set(title="Which cause?", xlim=(2.6, 6.4), ylim=(0.5, 1.02))
+    for axis in (power, attribution):
+        axis.set_xlabel("d': size of the effect after the fit, in standard deviations of the noise")
+        axis.legend(loc="lower right", frameon=False)
+    _false_alarms(alarm, summary["null"])
+    _fates(strange, summary)
+    return drawn
+
+
+def _points(axis: Axes, x: Sequence[float], rates: Sequence[Rate], colour: str, label: str | None) -> None:
+    middle, error = [one["rate"] for one in rates], [one["error"] for one in rates]
+    axis.errorbar(x, middle, error, fmt="o-", color=colour, label=label, capsize=2.5, ms=4.5)
+
+
+def _false_alarms(axis: Axes, null: dict[str, Rate]) -> None:
+    names = list(null)
+    axis.barh(names, [100.0 * null[n]["rate"] for n in names], color="C0", height=0.55)
+    axis.errorbar(
+        [100.0 * null[n]["rate"] for n in names],
+        names,
+        xerr=[100.0 * null[n]["error"] for n in names],
+        fmt="none",
+        ecolor="0.2",
+        capsize=3,
+    )
+    axis.axvline(5.0, color="0.4", lw=0.9)
+    axis.axvline(6.0, color="0.4", lw=0.9, ls="--")
+    axis.text(4.93, -0.62, "level", ha="right", va="center", color="0.4", fontsize=9)
+    axis.text(6.07, -0.62, "asked for at most", ha="left", va="center", color="0.4", fontsize=9)
+    axis.invert_yaxis()
+    axis.set(title="False alarms, nothing hidden", xlabel="of 100 data sets", ylim=(len(names) - 0.4, -0.9))
+    axis.set_xlim(0.0, max(10.0, axis.get_xlim()[1]))
+
+
+def _fates(axis: Axes, summary: dict[str, Any]) -> None:
+    rows = [
+        (f"{what}, d' = {d}", summary[part][d]["all"])
+        for part, what in (("unknown", "in no list"), ("removed", "taken out of the list"))
+        for d in sorted(summary[part], key=float)
+    ]
+    left = np.zeros(len(rows))
+    for verdict, colour in _COLOURS.items():
+        width = np.array([100.0 * one[verdict]["rate"] for _, one in rows])
+        axis.barh([name for name, _ in rows], width, left=left, color=colour, label=_WORDS[verdict], height=0.6)
+        left += width
+    axis.invert_yaxis()
+    axis.set(title="Effects without a name", xlabel="of 100 data sets", xlim=(0.0, 100.0))
+    axis.legend(loc="upper center", bbox_to_anchor=(0.4, -0.17), ncols=4, frameon=False, fontsize=9, columnspacing=1.0)
+
+
+def page(summary: dict[str, Any]) -> str:
+    """The page."""
+    return "\n".join(
+        [
+            "# How often the diagnosis of a dynamic mechanical analysis is right",
+            "",
+            f"Made by `python -m benchmarks.diagnosis --docs docs` from {summary['data sets']} data sets of "
+            f"`tests/blind` ({summary['seeds']} seeds): five temperatures, fourteen frequencies, complex modulus, 2 % "
+            "noise, one hidden effect. d' is the length of the effect after everything that the fitted constants can "
+            "imitate is taken off, in standard deviations of the noise. The limit is what the largest projection gives "
+            "if noise and directions were known. ± is one standard error.",
+            "",
+            f"![Power, attribution and false alarms]({PICTURE})",
+            "",
+            *_asked(summary),
+            *_known(summary),
+            *_nothing(summary),
+            *_strange(summary),
+            "What these rates rest on, and their limits:",
+            "",
+            "- A true cause is called `unexplained` with the probability of that test's level, 4 %. Causes that are "
+            "not ruled out at 1 % are reported then, too, as `possible`; with them a true cause is kept.",
+            "- An effect in no list that resembles a cause is named as that cause until what is left of it shows by "
+            "itself. Of an effect at d' = 5 with a cosine of 0.7 to some cause, 3.6 are left: no test that spares true "
+            "causes in 95 of 100 cases sees that reliably among all forms that an unknown effect may take.",
+            "- All data sets have one design. Others have other limits: see `detectability` in `diagnosis.json`.",
+            "",
+        ]
+    )
+
+
+def _words(one: Rate, factor: float = 100.0) -> str:
+    return f"{factor * one['rate']:.1f} ± {factor * one['error']:.1f}" if one["sets"] else "–"
+
+
+def _asked(summary: dict[str, Any]) -> list[str]:
+    """Every number that was asked for, beside the measured one."""
+    rows = [
+        "| asked for | measured [%] | limit [%] | data sets | met |",
+        "| --- | ---: | ---: | ---: | --- |",
+    ]
+
+    def add(what: str, one: Rate, met: Callable[[float], bool], limit: float | None = None) -> None:
+        known = "" if limit is None else f"{100.0 * limit:.1f}"
+        verdict = "yes" if met(100.0 * one["rate"]) else "no"
+        rows.append(f"| {what} | {_words(one)} | {known} | {one['sets']} | {verdict} |")
+
+    for d, detected, first in (("4.5", 93.0, 92.0), ("6", 98.0, 97.0)):
+        if d not in summary["all known"]:
+            continue
+        known = summary["all known"][d]
+        limit = known["limit"]
+        least = min(detected, 100.0 * limit["detected"] - 3.0)
+        add(f"d' = {d}: detected, at least {detected:g}", known["detected"], least.__le__, limit["detected"])
+        least = min(first, 100.0 * limit["first"] - 3.0)
+        what = f"d' = {d}: right cause first, at least {first:g}, or 3 below the limit"
+        add(what, known["first"], least.__le__, limit["first"])
+    if "4.5" in summary["all known"]:
+        known = summary["all known"]["4.5"]
+        add("d' = 4.5: right cause not ruled out, at least 99", known["possible, if detected"], (99.0).__le__)
+        add("d' = 4.5: called unexplained, at most 5", known["unexplained, if detected"], (5.0).__ge__)
+        add("d' = 4.5: strength in its 95 % interval, 92 to 98", known["covered"], lambda rate: 92.0 <= rate <= 98.0)
+    for noise, one in summary["null"].items():
+        add(f"nothing hidden, {noise} noise: false alarms, at most 6", one, (6.0).__ge__)
+    for part, what in (("unknown", "effect in no list"), ("removed", "cause taken out of the list")):
+        for d, verdict, word, met in (
+            ("9", "unexplained", "unexplained, at least 90", (90.0).__le__),
+            ("9", "named", "wrongly named, at most 5", (5.0).__ge__),
+            ("5", "named", "wrongly named, at most 10", (10.0).__ge__),
+        ):
+            if d in summary[part]:
+                add(f"{what}, d' = {d}: {word}", summary[part][d]["all"][verdict], met)
+    return ["## What was asked for", "", *rows, ""]
+
+
+def _known(summary: dict[str, Any]) -> list[str]:
+    lines = []
+    for d in sorted(summary["known"], key=float):
+        lines += [
+            f"## Known causes, d' = {d}",
+            "",
+            "| hidden | detected (limit) | first (limit) | not ruled out | unexplained | wrongly named | covered "
+            "| causes possible | sets |",
+            "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+        ]
+        for name, one in [*summary["known"][d].items(), ("**all**", summary["all known"][d])]:
+            cells = [
+                f"{_words(one['detected'])} ({100.0 * one['limit']['detected']:.0f})",
+                f"{_words(one['first'])} ({100.0 * one['limit']['first']:.0f})",
+                _words(one["possible, if detected"]),
+                _words(one["unexplained, if detected"]),
+                _words(one["wrongly named, if detected"]),
+                _words(one["covered"]),
+                f"{one['causes in the set']:.1f}",
+                f"{one['detected']['sets']}",
+            ]
+            lines.append(f"| {name} | {' | '.join(cells)} |")
+        lines.append("")
+    return lines
+
+
+def _nothing(summary: dict[str, Any]) -> list[str]:
+    rows = [f"| {noise} | {_words(one)} | {one['sets']} |" for noise, one in summary["null"].items()]
+    return ["## Nothing hidden", "", "| noise | false alarms | sets |", "| --- | ---: | ---: |", *rows, ""]
+
+
+def _strange(summary: dict[str, Any]) -> list[str]:
+    lines = []
+    for part, title in (("unknown", "Effects in no list"), ("removed", "True causes taken out of the list")):
+        lines += [
+            f"## {title}",
+            "",
+            "| d' | hidden | unexplained | named | in a set of names | not found | sets |",
+            "| ---: | --- | ---: | ---: | ---: | ---: | ---: |",
+        ]
+        for d in sorted(summary[part], key=float):
+            for kind, one in summary[part][d].items():
+                cells = [_words(one[v]) for v in ("unexplained", "named", "confusable", "adequate")]
+                sets = one["named"]["sets"]
+                lines.append(f"| {d} | {_KINDS.get(kind, kind)} | {' | '.join(cells)} | {sets} |")
+        lines.append("")
+    return lines

@@ -1,0 +1,69 @@
+"""Rows in the order of the measurement: visits of a temperature, neighbours, and folds that can be left out."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from inverse.datasets.dma import dma_data
+from inverse.diagnosis import DMA_CAUSES
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.dma_problem import dma_problem
+from inverse.diagnosis.gain import held_out_gain
+from inverse.diagnosis.noise import noise_family
+from inverse.dma_fit import FRACTIONAL
+from tests.blind import dma_generator as blind
+
+FREQUENCY = np.geomspace(0.1, 100.0, 6)
+
+
+def problem_of(temperature, frequency, time):
+    constants = np.array([[1e3, 2e3, 0.01, 0.5]])
+    modulus = blind.solid(constants, 2.0 * np.pi * np.asarray(frequency))[0] * (1.0 + np.asarray(temperature) / 100.0)
+    modulus = modulus * np.exp(0.01 * np.random.default_rng(2).standard_normal(len(time)))
+    data = dma_data(np.asarray(frequency), np.asarray(temperature), np.stack([modulus.real, modulus.imag], axis=-1))
+    return dma_problem(dataclasses.replace(data, time_s=np.asarray(time, dtype=float)), FRACTIONAL, n_starts=4)[0]
+
+
+def test_a_temperature_that_is_measured_again_has_two_visits_and_one_set_of_constants():
+    temperature = np.repeat([20.0, 40.0, 20.0], 6)
+    problem = problem_of(temperature, np.tile(FREQUENCY, 3), np.arange(18.0))
+    at, order = problem.conditions, np.argsort(np.asarray(problem.conditions.time))
+    assert len(problem.sweeps) == 2
+    np.testing.assert_array_equal(np.asarray(at.visit)[order], np.repeat([0, 1, 2], 6))
+    np.testing.assert_array_equal(np.asarray(at.sweep)[order], np.repeat([0, 1, 0], 6))
+    np.testing.assert_array_equal(np.asarray(at.sweep_before)[order], np.repeat([0, 0, 1], 6))
+    np.testing.assert_allclose(np.asarray(at.time_in_sweep)[order], np.tile(np.linspace(0.0, 1.0, 6), 3))
+    # Noise is not correlated across the pause between the visits: each visit and coordinate starts a series.
+    assert [int(np.sum(one.previous < 0)) for one in problem.orderings()] == [6]
+
+
+def test_temperatures_that_change_from_row_to_row_are_no_visits():
+    problem = problem_of(np.tile([20.0, 40.0], 6), np.repeat(FREQUENCY, 2), np.arange(12.0))
+    np.testing.assert_array_equal(problem.conditions.visit, problem.conditions.sweep)
+    np.testing.assert_array_equal(problem.conditions.sweep_before, 0)
+
+
+def test_a_sweep_from_high_to_low_has_the_neighbours_of_one_from_low_to_high():
+    down = problem_of(np.repeat([20.0, 40.0], 6), np.tile(FREQUENCY[::-1], 2), np.arange(12.0))
+    assert [one.name for one in down.orderings()] == ["frequency"]
+    mixed = np.array([3, 0, 5, 1, 4, 2])
+    drawn = problem_of(np.repeat([20.0, 40.0], 6), np.tile(FREQUENCY[mixed], 2), np.arange(12.0))
+    assert [one.name for one in drawn.orderings()] == ["frequency", "time"]
+
+
+def test_no_gain_where_every_block_leaves_too_few_rows():
+    problem = problem_of(np.repeat([20.0, 40.0], 5), np.tile(FREQUENCY[:5], 2), np.arange(10.0))
+    noise = noise_family(problem.orderings(), problem.frequencies())[0]
+    drift = next(cause for cause in DMA_CAUSES if cause.name == "sweep-drift")
+    assert held_out_gain(problem, (Extension(drift, 0.0),), noise, np.zeros(1)) is None
+
+
+@pytest.mark.slow
+def test_blocks_that_leave_too_few_rows_are_left_in_and_that_is_said():
+    problem = problem_of(np.repeat([20.0, 40.0], 6), np.tile(FREQUENCY, 2), np.arange(12.0))
+    noise = noise_family(problem.orderings(), problem.frequencies())[0]
+    drift = next(cause for cause in DMA_CAUSES if cause.name == "sweep-drift")
+    gain = held_out_gain(problem, (Extension(drift, 0.0),), noise, np.zeros(1))
+    assert gain is not None and "4 blocks" in gain.split and "1 more would have left too few rows" in gain.split
+    assert np.isfinite(gain.log_score_gain)
