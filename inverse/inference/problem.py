@@ -111,7 +111,7 @@ class Problem(eqx.Module):
         """Model and noise with the parameters put in."""
         return self.parameters.write(self.state, values)
 
-    def predictions(self, values: Float[Array, " m"]) -> dict[str, Float[Array, " n"]]:
+    def predictions(self, values: Float[Array, " m"]) -> dict[str, Float[Array, " datum"]]:
         """What each measurement should show, by name."""
         model = self.state_of(values).model
         return {measurement.name: measurement.predict(model) for measurement in self.measurements}
