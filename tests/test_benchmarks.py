@@ -70,6 +70,7 @@ def test_benchmark_of_the_fast_model_runs(tmp_path, monkeypatch):
     assert found["errors"]["covered"] == 1.0 and found["errors"]["largest"] < 0.03
 
 
+@pytest.mark.slow
 def test_benchmark_of_the_diagnosis_goes_on_where_it_stopped(tmp_path, monkeypatch):
     out = tmp_path / "diagnosis.jsonl"
     given = ["diagnosis", "--out", str(out), "--docs", str(tmp_path / "docs"), "--only", "null", "--development"]
