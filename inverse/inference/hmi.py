@@ -38,7 +38,7 @@ def hmi_measurement(
         predict: Displacement for every row of the data, in percent or metres as they are.
         reference_temperature: At which it is 100 percent [degC].
         noise: How the data scatter; if not given, by the deviations of the file or else by a fraction of the
-            displacement, with the same fraction for the reference reading of data in percent.
+            displacement. The reference reading of data in percent then scatters as the others do.
         name: Of the measurement.
     """
     rows = used_rows(data, reference_temperature)
@@ -68,7 +68,12 @@ def used_rows(data: HmiData, reference_temperature: float) -> Int[np.ndarray, " 
 def _noise_of(data: HmiData, rows: Int[np.ndarray, " n"]) -> NoiseModel:
     if data.sd is None:
         return NoiseModel(relative=FIRST_RELATIVE_DEVIATION, tie_reference=data.in_percent)
-    return NoiseModel(known=jnp.asarray(np.asarray(data.sd)[rows]))
+    deviations = np.asarray(data.sd)[rows]
+    if not data.in_percent:
+        return NoiseModel(known=jnp.asarray(deviations))
+    # The file says nothing of the reading that it divided by: it is taken to scatter as the others do.
+    usual = float(np.median(deviations / np.asarray(data.displacement)[rows]))
+    return NoiseModel(known=jnp.asarray(deviations), reference_relative=usual)
 
 
 def _along_sonications(data: HmiData, rows: Int[np.ndarray, " n"]) -> Series:
