@@ -64,8 +64,9 @@ def figure(summary: dict[str, Any]) -> Figure:
         _points(attribution, [d + offset for d in x], [known[d][key] for d in strengths], colour, label)
     attribution.set(title="Which cause?", xlim=(2.6, 6.4), ylim=(0.5, 1.02))
     for axis in (power, attribution):
-        axis.set_xlabel("d': size of the effect after the fit, in standard deviations of the noise")
-        axis.legend(loc="lower right", frameon=False)
+        axis.set_xlabel("d': effect left after the fit, over the noise")
+    power.legend(loc="upper left", frameon=False)
+    attribution.legend(loc="lower right", frameon=False)
     _false_alarms(alarm, summary["null"])
     _fates(strange, summary)
     return drawn

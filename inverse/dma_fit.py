@@ -207,6 +207,7 @@ def fit_sweeps(
     residuals: Sequence[ModulusResidual] = (LogModulus(), LinearModulus()),
     seed: int = 0,
     n_starts: int = 16,
+    padded_to: int = 0,
 ) -> DmaFit:
     """Fit Zener solids to every sweep that can carry them.
 
@@ -216,6 +217,7 @@ def fit_sweeps(
         residuals: How to compare; each gives its own fits.
         seed: Of the starts.
         n_starts: Starts of each fit.
+        padded_to: Rows of a sweep that the compiled program has room for; parts of sweeps need no other then.
 
     Returns:
         The fits, by residual, then model, then sweep; and the sweeps that some model could not be fitted to, with the
@@ -233,7 +235,7 @@ def fit_sweeps(
         for sweep in sweeps
         if sweep.data.distinct_frequencies >= len(model.constants())
     ]
-    fits = _fit_lanes(lanes, tuple(residuals), seed, n_starts) if lanes else []
+    fits = _fit_lanes(lanes, tuple(residuals), seed, n_starts, padded_to) if lanes else []
     return DmaFit(tuple(sweeps), tuple(fits), _unfitted(sweeps, models))
 
 
@@ -248,8 +250,9 @@ def _fit_lanes(
     residuals: tuple[ModulusResidual, ...],
     seed: int,
     n_starts: int,
+    padded_to: int,
 ) -> list[SweepFit]:
-    length = max(len(sweep.data) for _, _, sweep in lanes)
+    length = max(padded_to, *(len(sweep.data) for _, _, sweep in lanes))
     observations = [residual.observations(sweep.data, length) for residual, _, sweep in lanes]
     parameters = [FRACTIONAL.parameters(sweep.data) for _, _, sweep in lanes]
     starts = np.stack([FRACTIONAL.starts(sweep.data, n_starts, seed) for _, _, sweep in lanes])

@@ -239,7 +239,8 @@ def _report(examined: Examined, decision: Decision, extended: ExtendedFit | None
     refit, which = (extended, inside.index(name)) if name in inside else (None, 0)
     if refit is None and name in decision.candidates:
         noise = examined.family[decision.tests[name].null_noise]
-        refit = fit_extended(examined.problem, (extension,), noise, strength, library=examined.causes)
+        kept = name in decision.possible
+        refit = fit_extended(examined.problem, (extension,), noise, strength, library=examined.causes, profile=kept)
     if refit is not None:
         estimate, converged = float(refit.strengths[which]), refit.converged
         interval = (float(refit.intervals[which, 0]), float(refit.intervals[which, 1]))

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from inverse.datasets.dma import DmaData, Sweep, group_sweeps
 from inverse.diagnosis.cause import DmaConditions, Extension, predicted_modulus
@@ -68,9 +68,16 @@ class DmaProblem:
     @property
     def moved(self) -> Float[np.ndarray, "sweep n"]:
         """Values of what the fit moves: the branch's modulus in place of the unrelaxed one."""
-        values = np.stack([fit.values for fit in self.fits])
-        values[:, 1] -= values[:, 0]
-        return values
+        return _moved(self.fits)
+
+    def moved_by(self, used: Bool[np.ndarray, " row"]) -> Float[np.ndarray, "sweep n"]:
+        """The same of a fit to a part of the rows, from starts of its own."""
+        sweep, parts = np.asarray(self.conditions.sweep), []
+        for index, whole in enumerate(self.sweeps):
+            data = whole.data.select(np.flatnonzero(used[sweep == index]))
+            parts.append(dataclasses.replace(whole, data=data))
+        longest = max(len(whole.data) for whole in self.sweeps)
+        return _moved(fit_sweeps(parts, models=(self.model,), residuals=(_RESIDUAL,), padded_to=longest).fits)
 
     @property
     def measured(self) -> Float[np.ndarray, "row coordinate"]:
@@ -170,6 +177,12 @@ def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: in
         ),
         fit,
     )
+
+
+def _moved(fits: Sequence[SweepFit]) -> Float[np.ndarray, "sweep n"]:
+    values = np.stack([fit.values for fit in fits])
+    values[:, 1] -= values[:, 0]
+    return values
 
 
 def _with_time(data: DmaData) -> tuple[DmaData, tuple[str, ...]]:

@@ -92,7 +92,6 @@ class Refit:
         """Prepare."""
         self.problem = problem
         self.extensions = tuple(extensions)
-        self._noise = noise
         known = {cause.name: cause for cause in (*library, *(extension.cause for extension in extensions))}
         self.white = WhiteResidual(problem, tuple(known.values()), noise)
         self._scales = strength_scales([extension.cause for extension in self.extensions])
@@ -170,20 +169,7 @@ class Refit:
 
     def own_constants(self, used: Bool[np.ndarray, " row"]) -> Float[np.ndarray, "sweep n"]:
         """Constants, unconstrained, that fit the rows in use without any extension; other rows are not looked at."""
-        problem, sweep = self.problem, np.asarray(self.problem.conditions.sweep)
-        kept = [one.data.select(np.flatnonzero(used[sweep == index])) for index, one in enumerate(problem.sweeps)]
-        starts = np.stack([problem.model.starts(data, _STARTS, 0) for data in kept], axis=1)
-        mask = jnp.asarray(np.repeat(used.astype(float), problem.weights.shape[1]))
-        alone = Refit(problem, (), self._noise, library=self.white.causes)
-        least, best = np.full(len(kept), np.inf), np.zeros(starts.shape[1:])
-        for start in starts:
-            unknowns, _, _ = alone.solve(np.zeros(0), used, constants=start)
-            white = np.asarray(_white_and_slope(alone.white, jnp.asarray(unknowns), mask)[0])
-            squares = np.bincount(np.repeat(sweep, problem.weights.shape[1]), white**2, len(kept))
-            better = squares < least
-            least = np.where(better, squares, least)
-            best[better] = unknowns[-start.size :].reshape(start.shape)[better]
-        return best
+        return np.asarray(_unconstrained(self.white.parameters, jnp.asarray(self.problem.moved_by(used))))
 
     def plain(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " n"]:
         """Measured less predicted, weighted but not whitened."""
@@ -277,8 +263,6 @@ _FARTHEST = 12.0
 """Unconstrained numbers beyond which a constant is at its bound and no derivative would bring it back."""
 _BEYOND = 30.0
 """Unconstrained numbers at which the solver turns back before anything overflows."""
-_STARTS = 4
-"""Of a fit to a part of the data."""
 _PROFILED = 9
 """Shapes at which the strength is profiled, beside the best."""
 
