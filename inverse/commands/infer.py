@@ -8,7 +8,6 @@ from typing import Annotated
 import equinox as eqx
 import jax
 import typer
-from jaxtyping import Array, Float
 
 from arfjax import InputError, Model, discretise, read_experiment
 from inverse.commands.console import show_lines, show_table, working
@@ -29,9 +28,15 @@ from inverse.figures.posterior import (
 from inverse.hmi_model import Sweep as Plan
 from inverse.hmi_model import plan_sweeps
 from inverse.inference.dma import dma_measurement, dma_problem, of_liver
-from inverse.inference.experiment import InferenceSettings, anchored, inference_problem, inference_settings
-from inverse.inference.hmi import hmi_measurement, used_rows
-from inverse.inference.problem import Measurement, Problem
+from inverse.inference.experiment import (
+    InferenceSettings,
+    anchored,
+    free_parameters,
+    inference_problem,
+    inference_settings,
+)
+from inverse.inference.hmi import hmi_measurement, noise_of, used_rows
+from inverse.inference.problem import Measurement, Problem, State
 from inverse.inference.widened import widened
 from inverse.sampling import posterior_record, save_posterior
 from inverse.study import Effort, Sampler, Study, infer
@@ -164,11 +169,6 @@ def _problem(
     return problem, panels, _Fast(fast, n_rows, data.in_percent)
 
 
-def _not_asked(model: Model) -> Float[Array, " n"]:
-    """Prediction of a measurement that only says what is free."""
-    raise NotImplementedError
-
-
 class _Fast(eqx.Module):
     """The fast model with what it takes to ask it."""
 
@@ -187,12 +187,12 @@ def _prepared(
     say: Callable[[str], None],
 ) -> FastHmi:
     """Learnt from models drawn from priors a third wider than those of the inference."""
-    measured = hmi_measurement(data, _not_asked, reference_temperature=settings.reference_temperature_c)
-    problem = inference_problem(settings, model, (*measurements, measured))
-    wide = widened(problem.parameters, _WIDER)
+    noise = {measurement.name: measurement.noise for measurement in measurements}
+    noise["hmi"] = noise_of(data, used_rows(data, settings.reference_temperature_c))
+    wide = widened(free_parameters(settings, model, noise), _WIDER)
     keys = jax.random.split(jax.random.key(seed + 1), _TRAINING)
     points = jax.vmap(lambda key: wide.values(wide.draw(key)))(keys)
-    draws = [wide.write(problem.state, point).model for point in points]
+    draws = [wide.write(State(model, noise), point).model for point in points]
     return prepare_fast(
         draws,
         plan,

@@ -52,7 +52,7 @@ def hmi_measurement(
         of_rows,
         jnp.asarray(measured),
         _along_sonications(data, rows),
-        _noise_of(data, rows) if noise is None else noise,
+        noise_of(data, rows) if noise is None else noise,
         "percent" if data.in_percent else "m",
     )
 
@@ -65,7 +65,8 @@ def used_rows(data: HmiData, reference_temperature: float) -> Int[np.ndarray, " 
     return np.flatnonzero(~(at_reference & (np.asarray(data.displacement) == 100.0)))
 
 
-def _noise_of(data: HmiData, rows: Int[np.ndarray, " n"]) -> NoiseModel:
+def noise_of(data: HmiData, rows: Int[np.ndarray, " n"]) -> NoiseModel:
+    """How those rows of a file scatter, by what it says of that."""
     if data.sd is None:
         return NoiseModel(relative=FIRST_RELATIVE_DEVIATION, tie_reference=data.in_percent)
     deviations = np.asarray(data.sd)[rows]
