@@ -4,12 +4,12 @@ Curves in percent of a reading of their own carry that reading's error in every 
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from arfjax import Model
 from inverse.datasets.hmi import HmiData
 from inverse.inference.noise import NoiseModel, Series
 from inverse.inference.problem import Measurement
@@ -22,7 +22,7 @@ SAME_TEMPERATURE_K = 1e-6
 
 def hmi_measurement(
     data: HmiData,
-    predict: Callable[[Model], Float[Array, " n"]],
+    predict: Callable[[Any], Float[Array, " n"]],
     *,
     reference_temperature: float,
     noise: NoiseModel | None = None,
@@ -44,7 +44,7 @@ def hmi_measurement(
     rows = used_rows(data, reference_temperature)
     measured = np.asarray(data.displacement)[rows]
 
-    def of_rows(model: Model) -> Float[Array, " n"]:
+    def of_rows(model: Any) -> Float[Array, " n"]:
         return predict(model)[jnp.asarray(rows)]
 
     return Measurement(

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+from scipy import stats
 
 from inverse.datasets.hmi import HmiData
 from inverse.inference.fit import fit
@@ -36,23 +37,20 @@ def test_rows_at_the_reference_say_nothing_and_are_left_out():
 
 
 def test_curves_in_percent_share_the_error_of_their_reference():
-    """Covariance of two readings of one sonication: the reference's variance times both; of two, none."""
+    """Covariance of two readings of one sonication: the reference's variance times both; of two sonications, none."""
     measured = hmi_measurement(hmi(), nothing, reference_temperature=37.0)
     assert measured.noise.tie_reference and float(measured.noise.relative) == FIRST_RELATIVE_DEVIATION
     with_sd = hmi_measurement(hmi(sd=0.03 * PERCENT), nothing, reference_temperature=37.0)
     np.testing.assert_allclose(with_sd.noise.reference_relative, 0.03, rtol=1e-12)
     apart = hmi_measurement(hmi(sd=np.full(5, 1e-6), in_percent=False), nothing, reference_temperature=37.0)
     assert not apart.noise.normalised
-    prediction = measured.predict({"size": 1.0})
-    shifted = prediction * jnp.asarray([1.05, 1.05, 1.0])
-    split = prediction * jnp.asarray([1.05, 0.95, 1.0])
-    # A shift of a whole sonication is what one wrong reference makes; up here and down there is not.
-    together, against = (measured.noise.log_likelihood(shifted, each, measured.series) for each in (prediction, split))
-    apart_noise = NoiseModel(relative=FIRST_RELATIVE_DEVIATION)
-    gap = together - against
-    assert gap > apart_noise.log_likelihood(shifted, prediction, measured.series) - apart_noise.log_likelihood(
-        shifted, split, measured.series
-    )
+    prediction = np.asarray(measured.predict({"size": 1.1}))
+    covariance = np.diag((FIRST_RELATIVE_DEVIATION * prediction) ** 2)
+    same = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    covariance = covariance + FIRST_RELATIVE_DEVIATION**2 * same * np.outer(prediction, prediction)
+    expected = stats.multivariate_normal(prediction, covariance).logpdf(np.asarray(measured.measured))
+    found = measured.noise.log_likelihood(measured.measured, jnp.asarray(prediction), measured.series)
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
 
 
 def test_what_one_measurement_leaves_open_another_closes():
