@@ -11,7 +11,8 @@ from jaxtyping import Float
 
 from arfjax.errors import InputError
 from inverse.inference.audit import Audit, audit
-from inverse.inference.fit import Fit, as_arrays, fit
+from inverse.inference.compiled import as_arrays
+from inverse.inference.fit import Fit, fit
 from inverse.inference.problem import Problem
 from inverse.inference.profile import Profile, profiles
 from inverse.sampling import (
@@ -158,8 +159,7 @@ def _fitted(problem: Problem, seed: int, effort: Effort, on_step: Callable[[str]
     looked_at = audit(found)
     sides: tuple[Profile, ...] = ()
     if effort.with_profiles and problem.parameters.is_plain:
-        on_step("profiles")
-        sides = profiles(found, level=effort.level)
+        sides = profiles(found, level=effort.level, on_step=on_step)
     return Study(problem, found, looked_at, sides)
 
 

@@ -2,12 +2,12 @@
 
 Every fit starts from several places. Costs that are sums of squares are minimised by Levenberg and Marquardt's method
 or Powell's dogleg, others by BFGS in coordinates of their own curvature; where a value runs to the end of its range,
-L-BFGS-B goes on with bounds that it can reach.
+L-BFGS-B goes on with bounds that it can reach. Where predictions are long computations, `Method.NEWTON` needs no more
+than one compiled gradient.
 """
 
 import dataclasses
 import enum
-import math
 
 import equinox as eqx
 import jax
@@ -17,6 +17,9 @@ from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
 from inverse.bounded import multi_start_bounded
+from inverse.descent import descend, expand, polish
+from inverse.inference.compiled import as_arrays, cost_of
+from inverse.inference.curvature import bounds, cost_curvature, root_of_curvature
 from inverse.inference.problem import Problem
 from inverse.least_squares import MultiStart, multi_start
 from inverse.minimise import multi_start_minimise
@@ -32,6 +35,7 @@ class Method(enum.StrEnum):
     DOGLEG = "dogleg"
     BFGS = "bfgs"
     L_BFGS_B = "l-bfgs-b"
+    NEWTON = "newton"
 
 
 _MINIMUM = 1e-3
@@ -93,7 +97,8 @@ def fit(
 
     Args:
         problem: What to fit.
-        method: How; by Levenberg and Marquardt where the cost is a sum of squares and by BFGS elsewhere if not given.
+        method: How. If not given, by Newton's where predictions are long computations, else by Levenberg and
+            Marquardt where the cost is a sum of squares, else by BFGS.
         n_starts: Starts. The first is what stands in the model, others are drawn from the priors, or within a factor
             of about e where there are none.
         seed: Of the other starts.
@@ -108,7 +113,7 @@ def fit(
     if jnp.result_type(float) != jnp.float64:
         raise ValueError("fits need double precision; call jax.config.update('jax_enable_x64', True) first.")
     problem = as_arrays(problem)
-    chosen = method or (Method.LEVENBERG_MARQUARDT if problem.is_least_squares else Method.BFGS)
+    chosen = method or _unbounded(problem)
     _check(problem, chosen, scale_errors)
     starts = draw_starts(problem, n_starts, seed)
     if not np.any(np.isfinite(np.asarray(_costs(problem, starts)))):
@@ -144,15 +149,17 @@ def judge(problem: Problem, values: Float[np.ndarray, " m"]) -> Fit:
         )
     entries = problem.parameters.entries
     u = jnp.stack([jnp.asarray(e.parameter.transform.inverse(v)) for e, v in zip(entries, values, strict=True)])
-    cost, slope, curvature = _local(problem, u)
-    gain = _newton_gain(np.asarray(slope), np.asarray(curvature))
-    stands = MultiStart(u[None], jnp.reshape(cost, (1,)), jnp.asarray([0 if gain < _MINIMUM else 1]), jnp.asarray([0]))
+    about = expand(cost_of(problem), np.asarray(u))
+    gain = _newton_gain(about.slope, about.curvature)
+    stands = MultiStart(
+        u[None], jnp.asarray([about.value]), jnp.asarray([0 if gain < _MINIMUM else 1]), jnp.asarray([0])
+    )
     ends = tuple(problem.parameters.ends(np.asarray(u)))
     return Fit(
         problem=problem,
         method=_unbounded(problem),
         values=np.asarray(values, dtype=float),
-        cost=float(cost),
+        cost=about.value,
         starts=jax.tree.map(np.asarray, stands),
         ends=ends,
         uncertainty=_uncertainty(problem, np.asarray(values, dtype=float), ends, False),
@@ -160,21 +167,11 @@ def judge(problem: Problem, values: Float[np.ndarray, " m"]) -> Fit:
     )
 
 
-@eqx.filter_jit
-def _local(problem: Problem, u):
-    return problem.cost(u), jax.grad(problem.cost)(u), jax.hessian(problem.cost)(u)
-
-
 def _newton_gain(slope: Float[np.ndarray, " n"], curvature: Float[np.ndarray, "n n"]) -> float:
     """What one Newton step would take off the cost, each direction of negative curvature turned round [nats]."""
     eigenvalues, axes = np.linalg.eigh(0.5 * (curvature + curvature.T))
     size = np.maximum(np.abs(eigenvalues), 1e-8 * np.max(np.abs(eigenvalues)))
     return float(0.5 * np.sum((axes.T @ slope) ** 2 / size))
-
-
-def as_arrays(problem: Problem) -> Problem:
-    """The same problem with every number an array, so that another of the same shape need not be compiled again."""
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf) if isinstance(leaf, float | np.ndarray) else leaf, problem)
 
 
 def draw_starts(problem: Problem, count: int, seed: int) -> Float[Array, "start n"]:
@@ -219,7 +216,9 @@ def _minimise(
         # From where a transformed search ended: first-order steps alone creep along the valleys of such costs.
         inner, values = _minimise(problem, _unbounded(problem), starts, max_steps)
         return _bounded(problem, inner, values, max_steps)
-    if method in _LEAST_SQUARES:
+    if method is Method.NEWTON:
+        found = _by_newton(problem, starts)
+    elif method in _LEAST_SQUARES:
         found = _squares(problem, starts, max_steps, method is Method.DOGLEG)
     else:
         found = _general(problem, starts, max_steps)
@@ -228,7 +227,23 @@ def _minimise(
 
 
 def _unbounded(problem: Problem) -> Method:
+    if problem.is_long:
+        return Method.NEWTON
     return Method.LEVENBERG_MARQUARDT if problem.is_least_squares else Method.BFGS
+
+
+def _by_newton(problem: Problem, starts: Float[Array, "start n"]) -> MultiStart:
+    """Every start on its own by BFGS, the lowest finished by Newton's steps."""
+    cost = cost_of(problem)
+    ended = [descend(cost, np.asarray(start)) for start in starts]
+    lowest = int(np.argmin([each.value for each in ended]))
+    ended[lowest] = polish(cost, ended[lowest])
+    return MultiStart(
+        np.stack([each.point for each in ended]),
+        np.array([each.value for each in ended]),
+        np.array([0 if each.converged else 1 if np.isfinite(each.value) else 2 for each in ended]),
+        np.array([each.n_steps for each in ended]),
+    )
 
 
 @eqx.filter_jit
@@ -248,7 +263,7 @@ def _bounded(
     lower, upper = bounds(problem)
     reached = np.stack([np.asarray(problem.values(u)) for u in jnp.asarray(inner.solutions)])
     # One standard deviation of each value alone, or the value itself where the cost hardly knows it.
-    curvature = np.diag(np.asarray(_curvature(problem, jnp.asarray(values))))
+    curvature = np.diag(cost_curvature(problem, values))
     widest = np.where(values == 0.0, 1.0, np.abs(values))
     scale = jnp.asarray(1.0 / np.sqrt(np.maximum(curvature, widest**-2.0)))
     found = multi_start_bounded(
@@ -256,12 +271,6 @@ def _bounded(
     )
     found = jax.tree.map(np.asarray, found)
     return found, np.asarray(found.solutions)[int(found.best)]
-
-
-def bounds(problem: Problem) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-    """Lowest and highest value of each parameter; infinite where there is no bound."""
-    pairs = [entry.parameter.transform.bounds for entry in problem.parameters.entries]
-    return np.array([float(low) for low, _ in pairs]), np.array([float(high) for _, high in pairs])
 
 
 def _ends(problem: Problem, found: MultiStart, values: Float[np.ndarray, " m"], method: Method) -> list[str | None]:
@@ -282,12 +291,11 @@ def _uncertainty(
 
     Of what lies on a bound nothing is known but that; the errors of the others hold for it staying there.
     """
-    at = jnp.asarray(values)
     inside = np.array([end is None for end in ends])
     if problem.is_least_squares:
-        residuals, jacobian = _linearised(problem, at)
+        residuals, jacobian = _linearised(problem, jnp.asarray(values))
     else:
-        curvature = np.asarray(_curvature(problem, at)) * np.outer(inside, inside)
+        curvature = cost_curvature(problem, values) * np.outer(inside, inside)
         jacobian = root_of_curvature(curvature, values)
         residuals = np.zeros(len(jacobian))
     return assess(
@@ -303,18 +311,3 @@ def _uncertainty(
 @eqx.filter_jit
 def _linearised(problem: Problem, values):
     return problem.residuals_of(values), jax.jacfwd(problem.residuals_of)(values)
-
-
-@eqx.filter_jit
-def _curvature(problem: Problem, values):
-    return jax.hessian(problem.cost_of)(values)
-
-
-def root_of_curvature(curvature: Float[np.ndarray, "n n"], values: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n n"]:
-    """A matrix J with J^T J equal to a curvature; directions that curve down count as flat."""
-    scale = np.where(values == 0.0, 1.0, np.abs(values))
-    scaled = curvature * np.outer(scale, scale)
-    if not np.all(np.isfinite(scaled)):
-        return np.full_like(curvature, math.nan)
-    eigenvalues, axes = np.linalg.eigh(0.5 * (scaled + scaled.T))
-    return (np.sqrt(np.maximum(eigenvalues, 0.0))[:, None] * axes.T) / scale[None, :]

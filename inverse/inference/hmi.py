@@ -54,6 +54,7 @@ def hmi_measurement(
         _along_sonications(data, rows),
         noise_of(data, rows) if noise is None else noise,
         "percent" if data.in_percent else "m",
+        is_long=True,
     )
 
 

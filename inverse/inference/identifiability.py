@@ -20,10 +20,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from inverse.inference.fit import root_of_curvature
+from inverse.inference.curvature import data_curvature, large_changes, root_of_curvature
 from inverse.inference.problem import Problem
-from inverse.priors import Normal
-from inverse.transforms import Interval, LogInterval, Positive
+from inverse.transforms import LogInterval, Positive
 
 FREE = 1.0
 """Standard deviation of a logarithm, or of a fraction of a range, above which a direction counts as free."""
@@ -37,7 +36,6 @@ _DETERMINED = 0.3
 """Relative error up to which a combination is called determined."""
 _ALONE = 0.98
 """Share of a constant's own axis in the free directions above which it is free by itself."""
-_EPSILON = 1e-9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,12 +112,11 @@ def _spectrum(
     problem: Problem, values: Float[np.ndarray, " m"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m m"]]:
     """Eigenvalues and eigenvectors (rows) of the information, largest first."""
-    scale = _scales(problem, values)
-    at = jnp.asarray(values)
+    scale = large_changes(problem, values)
     if problem.is_least_squares:
-        jacobian = np.asarray(_data_jacobian(problem, at)) * scale[None, :]
+        jacobian = np.asarray(_data_jacobian(problem, jnp.asarray(values))) * scale[None, :]
     else:
-        jacobian = root_of_curvature(np.asarray(_data_curvature(problem, at)), values) * scale[None, :]
+        jacobian = root_of_curvature(data_curvature(problem, values), values) * scale[None, :]
     _, singular, directions = np.linalg.svd(jacobian, full_matrices=True)
     eigenvalues = np.zeros(len(values))
     eigenvalues[: len(singular)] = singular[: len(values)] ** 2
@@ -129,30 +126,6 @@ def _spectrum(
 @eqx.filter_jit
 def _data_jacobian(problem: Problem, values):
     return jax.jacfwd(problem.data_residuals_of)(values)
-
-
-@eqx.filter_jit
-def _data_curvature(problem: Problem, values):
-    return jax.hessian(lambda each: -problem.log_likelihood_of(each))(values)
-
-
-def _scales(problem: Problem, values: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-    """A large change of each value."""
-    scales = []
-    at = 0
-    for entry in problem.parameters.entries:
-        transform, prior = entry.parameter.transform, entry.parameter.prior
-        for value in values[at : at + len(entry.columns)]:
-            if isinstance(transform, Positive | LogInterval):
-                scales.append(abs(float(value)))
-            elif isinstance(transform, Interval):
-                scales.append(float(transform.upper - transform.lower))
-            elif isinstance(prior, Normal):
-                scales.append(float(prior.sd))
-            else:
-                scales.append(max(abs(float(value)), _EPSILON))
-        at += len(entry.columns)
-    return np.maximum(np.array(scales), 1e-300)
 
 
 def _combinations(

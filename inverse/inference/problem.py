@@ -39,6 +39,8 @@ class Measurement(eqx.Module):
         series: Neighbours, coordinate and groups of the data.
         noise: How they scatter.
         unit: Of the data.
+        is_long: Whether the prediction is so long a computation that its compilation counts: fits, curvatures and
+            profiles then take steps from outside of JAX on one compiled gradient.
     """
 
     name: str = eqx.field(static=True)
@@ -47,6 +49,7 @@ class Measurement(eqx.Module):
     series: Series
     noise: NoiseModel
     unit: str = eqx.field(static=True, default="1")
+    is_long: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self) -> None:
         """Refuse names that no place can hold."""
@@ -94,6 +97,11 @@ class Problem(eqx.Module):
     def start(self) -> Float[Array, " n"]:
         """Unconstrained numbers of what stands in the model."""
         return self.parameters.start(self.state)
+
+    @property
+    def is_long(self) -> bool:
+        """Whether any prediction is a long computation."""
+        return any(measurement.is_long for measurement in self.measurements)
 
     @property
     def is_least_squares(self) -> bool:

@@ -8,6 +8,8 @@ cases instead of 95 when it was measured.
 
 import dataclasses
 import enum
+import functools
+from collections.abc import Callable
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,6 +18,8 @@ from jaxtyping import Float
 from scipy import stats
 
 from arfjax.errors import InputError
+from inverse.descent import descend, expand, whitening
+from inverse.inference.compiled import cost_of
 from inverse.inference.fit import Fit
 from inverse.inference.parameter_set import ParameterSet
 from inverse.inference.problem import Problem
@@ -72,13 +76,14 @@ class Profile:
         return all(stop is Stop.CROSSED for stop in self.stops)
 
 
-def profile(fit: Fit, name: str, *, level: float = 0.95) -> Profile:
+def profile(fit: Fit, name: str, *, level: float = 0.95, refit: "Refit | None" = None) -> Profile:
     """Profile of one parameter of a fit.
 
     Args:
         fit: At its minimum.
         name: Of the parameter, one number that does not vary from group to group.
         level: Of the interval.
+        refit: From `refit_of`, where several profiles of one fit are taken.
 
     Raises:
         InputError: if the parameter is unknown or not a single number, or the level is not between 0 and 1.
@@ -92,7 +97,7 @@ def profile(fit: Fit, name: str, *, level: float = 0.95) -> Profile:
     place = parameters.entries.index(entry)
     column = entry.columns[0]
     threshold = 0.5 * float(stats.chi2.ppf(level, 1))
-    search = _Search(fit, place, threshold)
+    search = _Search(fit, place, threshold, refit or refit_of(fit))
     down, up = search.side(-1.0), search.side(+1.0)
     transform = entry.parameter.transform
     tried = sorted(search.tried.items())
@@ -108,19 +113,69 @@ def profile(fit: Fit, name: str, *, level: float = 0.95) -> Profile:
     )
 
 
-def profiles(fit: Fit, *, level: float = 0.95) -> tuple[Profile, ...]:
-    """Profiles of all parameters of a fit."""
-    return tuple(profile(fit, entry.name, level=level) for entry in fit.problem.parameters.entries)
+def profiles(
+    fit: Fit, *, level: float = 0.95, on_step: Callable[[str], None] = lambda what: None
+) -> tuple[Profile, ...]:
+    """Profiles of all parameters of a fit; `on_step` is told in words how far they are."""
+    found, refit, entries = [], refit_of(fit), fit.problem.parameters.entries
+    for number, entry in enumerate(entries):
+        on_step(f"profiles: {entry.name}, {number + 1} of {len(entries)}")
+        found.append(profile(fit, entry.name, level=level, refit=refit))
+    return tuple(found)
+
+
+Refit = Callable[[int, float, Float[np.ndarray, " k"]], tuple[float, Float[np.ndarray, " k"]]]
+"""Given a place, the unconstrained number held there and the others' first guess: the lowest cost, and the others."""
+
+
+def refit_of(fit: Fit) -> Refit:
+    """How the other constants of a fit are fitted again while one is held."""
+    problem = fit.problem
+    return _on_one_gradient(problem, _solution(fit)) if problem.is_long else functools.partial(_in_a_batch, problem)
+
+
+def _in_a_batch(
+    problem: Problem, place: int, held: float, others: Float[np.ndarray, " k"]
+) -> tuple[float, Float[np.ndarray, " k"]]:
+    start, at = jnp.asarray(others), jnp.asarray(held)
+    if len(others) == 0:
+        return float(_cost_alone(problem, at)), others
+    refit = _refit_squares if problem.is_least_squares else _refit
+    cost, found = refit(problem, jnp.asarray(place), at, start)
+    return float(cost), np.asarray(found)
+
+
+def _on_one_gradient(problem: Problem, solution: Float[np.ndarray, " n"]) -> Refit:
+    """In coordinates in which the cost curves by one at the fit, where a search takes a few steps."""
+    cost = cost_of(problem)
+    curvature = expand(cost, solution).curvature
+
+    def refit(place: int, held: float, others: Float[np.ndarray, " k"]) -> tuple[float, Float[np.ndarray, " k"]]:
+        def gradient(each: Float[np.ndarray, " k"]) -> tuple[float, Float[np.ndarray, " k"]]:
+            value, slope = cost(np.insert(each, place, held))
+            return value, np.delete(slope, place)
+
+        if len(others) == 0:
+            return gradient(others)[0], others
+        factor = whitening(np.delete(np.delete(curvature, place, 0), place, 1))
+        found = descend(gradient, others, factor)
+        return found.value, found.point
+
+    return refit
+
+
+def _solution(fit: Fit) -> Float[np.ndarray, " n"]:
+    if fit.method == "l-bfgs-b":
+        return np.asarray(_unconstrained(fit.problem, jnp.asarray(fit.values)))
+    return np.asarray(fit.starts.solutions)[int(fit.starts.best)]
 
 
 class _Search:
     """Goes outward from the minimum with the other constants following, and remembers what it saw."""
 
-    def __init__(self, fit: Fit, place: int, threshold: float) -> None:
-        self._problem, self._place, self._threshold = fit.problem, place, threshold
-        solution = np.asarray(fit.starts.solutions)[int(fit.starts.best)]
-        if fit.method == "l-bfgs-b":
-            solution = np.asarray(_unconstrained(fit.problem, jnp.asarray(fit.values)))
+    def __init__(self, fit: Fit, place: int, threshold: float, refit: Refit) -> None:
+        self._problem, self._place, self._threshold, self._refit = fit.problem, place, threshold, refit
+        solution = _solution(fit)
         self._centre = float(np.clip(solution[place], -_FURTHEST, _FURTHEST))
         self._others = np.clip(np.delete(solution, place), -2.0 * _FURTHEST, 2.0 * _FURTHEST)
         self._minimum = fit.cost
@@ -172,16 +227,10 @@ class _Search:
         return 0.5 * (low + high)
 
     def _rise(self, held: float, others: Float[np.ndarray, " k"]) -> tuple[float, Float[np.ndarray, " k"]]:
-        start, place = jnp.asarray(others), jnp.asarray(self._place)
-        if len(others) == 0:
-            cost, found = _cost_alone(self._problem, jnp.asarray(held)), start
-        elif self._problem.is_least_squares:
-            cost, found = _refit_squares(self._problem, place, jnp.asarray(held), start)
-        else:
-            cost, found = _refit(self._problem, place, jnp.asarray(held), start)
-        rise = float(cost) - self._minimum
+        cost, found = self._refit(self._place, held, others)
+        rise = cost - self._minimum
         self.tried[held] = rise
-        return rise, np.asarray(found)
+        return rise, found
 
 
 def _joined(others, place, held):

@@ -5,35 +5,22 @@ intervals are too short where the posterior is skewed or has long tails, so that
 """
 
 import dataclasses
-import warnings
 from collections.abc import Callable
 
 import jax
 import numpy as np
 from jaxtyping import Float, PRNGKeyArray
-from scipy import optimize
 
 from arfjax.errors import InputError
+from inverse.descent import LEAST_CURVATURE, Descent, Expansion, descend, expand, polish
+from inverse.inference.compiled import log_density_of
 from inverse.inference.problem import Problem
-from inverse.sampling.target import batched_log_density, coordinate_names, gradient_of, prior_points, require_posterior
+from inverse.sampling.target import batched_log_density, coordinate_names, prior_points, require_posterior
 
 _AGREE = 0.1
 """Log density within which two starts have come to the same mode [nats]."""
-_DECREMENT = 1e-6
-"""Newton decrement below which a mode is one: what a step more would gain [nats]."""
 _FLAT = 1e-6
 """Curvature below which a density does not fall: a spread of 1000 in u."""
-_LEAST_CURVATURE = 0.1
-"""Curvature at least given to directions along which the density does not fall: a spread of about 3 in u."""
-_BFGS_STEPS = 300
-_FIRST_STEP, _STEP = 1e-4, 1e-2
-"""Steps of differences: in u, and in standard deviations."""
-_NOWHERE = 1e10
-"""Cost where there is none, from which a line search turns back [nats]."""
-_NEWTON_STEPS = 50
-
-
-Gradient = Callable[[Float[np.ndarray, " n"]], tuple[float, Float[np.ndarray, " n"]]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,20 +94,24 @@ def laplace(
         InputError: if there is no posterior, or no start with a finite density.
     """
     require_posterior(problem)
-    gradient, descended = gradient_of(problem), []
+    density, descended = log_density_of(problem), []
+
+    def cost(u: Float[np.ndarray, " n"]) -> tuple[float, Float[np.ndarray, " n"]]:
+        value, slope = density(u)
+        return -value, -slope
+
     for number, start in enumerate(_starts(problem, seed, n_starts)):
         on_step(f"mode: start {number + 1} of {n_starts}")
-        descended.append(_descend(gradient, start))
-    heights = np.array([gradient(each)[0] for each in descended])
-    if not np.any(np.isfinite(heights)):
+        descended.append(descend(cost, start))
+    if not any(np.isfinite(each.value) for each in descended):
         raise InputError(
             "the search for the mode left the range of finite log densities from every start; narrow priors."
         )
-    order = np.argsort(-heights)
+    descended.sort(key=lambda each: each.value)
     on_step("mode: Newton steps")
-    mode, decrement = _polish(gradient, descended[order[0]])
+    found = polish(cost, descended[0])
     on_step("mode: curvature")
-    return _summary(problem, gradient, mode, decrement, heights[order])
+    return _summary(problem, expand(cost, found.point), found, -np.array([each.value for each in descended]))
 
 
 def _starts(problem: Problem, seed: int, count: int) -> Float[np.ndarray, "start n"]:
@@ -136,92 +127,13 @@ def _starts(problem: Problem, seed: int, count: int) -> Float[np.ndarray, "start
     return finite[:count]
 
 
-def _descend(gradient: Gradient, start: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """BFGS in coordinates whitened by the curvature at the start."""
-    _, hessian = _expand(gradient, start)[1:]
-    values, vectors = np.linalg.eigh(hessian if np.all(np.isfinite(hessian)) else np.eye(len(start)))
-    factor = vectors / np.sqrt(np.maximum(np.abs(values), _LEAST_CURVATURE))
-
-    def cost(z: Float[np.ndarray, " n"]) -> tuple[float, Float[np.ndarray, " n"]]:
-        value, slope = gradient(start + factor @ z)
-        if not (np.isfinite(value) and np.all(np.isfinite(slope))):
-            return _NOWHERE, np.zeros_like(z)
-        return -value, -(factor.T @ slope)
-
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")  # of line searches that end early: what was reached is judged later
-        found = optimize.minimize(
-            cost, np.zeros_like(start), jac=True, method="BFGS", options={"maxiter": _BFGS_STEPS, "gtol": 1e-5}
-        )
-    return start + factor @ found.x
-
-
-def _expand(
-    gradient: Gradient, u: Float[np.ndarray, " n"]
-) -> tuple[float, Float[np.ndarray, " n"], Float[np.ndarray, "n n"]]:
-    """Log density, gradient and minus the Hessian, by differences of gradients along directions of unit curvature.
-
-    Twice, since the first time no such directions are known. Differences of the fourth order are exact to ten digits,
-    and need neither compilation nor rules for second derivatives, which some solvers lack.
-    """
-    value, slope = gradient(u)
-    factor, step, hessian = np.eye(len(u)), _FIRST_STEP, np.full((len(u), len(u)), np.nan)
-    for _ in range(2):
-        near, far = (
-            np.stack(
-                [(gradient(u + k * step * e)[1] - gradient(u - k * step * e)[1]) / (2.0 * k * step) for e in factor.T]
-            )
-            for k in (1.0, 2.0)
-        )
-        # Rows are derivatives along the columns of the factor.
-        hessian = -np.linalg.solve(factor.T, (4.0 * near - far) / 3.0)
-        hessian = 0.5 * (hessian + hessian.T)
-        if not np.all(np.isfinite(hessian)):
-            break
-        values, vectors = np.linalg.eigh(hessian)
-        factor, step = vectors / np.sqrt(np.maximum(np.abs(values), _LEAST_CURVATURE)), _STEP
-    return value, slope, hessian
-
-
-def _polish(gradient: Gradient, u: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], float]:
-    """Newton steps with as much damping as it takes to climb; the mode, and what one more step would gain."""
-    value, slope, hessian = _expand(gradient, u)
-    damping, decrement = 0.0, float("inf")
-    for _ in range(_NEWTON_STEPS):
-        if not np.all(np.isfinite(hessian)) or not np.all(np.isfinite(slope)):
-            return u, float("inf")
-        eigenvalues, vectors = np.linalg.eigh(hessian)
-        along = vectors.T @ slope
-        safe = np.where(eigenvalues > 0.0, eigenvalues, np.maximum(np.abs(eigenvalues), _LEAST_CURVATURE))
-        decrement = float(0.5 * np.sum(along**2 / safe))
-        if decrement < _DECREMENT**2:
-            break
-        candidate = u + vectors @ (along / (safe + damping * np.max(safe)))
-        expansion = _expand(gradient, candidate)
-        if np.isfinite(expansion[0]) and expansion[0] >= value:
-            u, (value, slope, hessian), damping = candidate, expansion, 0.1 * damping if damping > 1e-8 else 0.0
-        elif decrement < _DECREMENT:
-            break  # what is left to gain is below rounding of the log density
-        else:
-            damping = max(10.0 * damping, 1e-6)
-    return u, decrement
-
-
-def _summary(
-    problem: Problem,
-    gradient: Gradient,
-    mode: Float[np.ndarray, " n"],
-    decrement: float,
-    heights: Float[np.ndarray, " start"],
-) -> Laplace:
-    names = coordinate_names(problem.parameters)
-    value, _, hessian = _expand(gradient, mode)
-    finite = bool(np.all(np.isfinite(hessian)))
-    eigenvalues, vectors = np.linalg.eigh(hessian if finite else np.eye(len(mode)))
+def _summary(problem: Problem, about: Expansion, found: Descent, heights: Float[np.ndarray, " start"]) -> Laplace:
+    names, value = coordinate_names(problem.parameters), -about.value
+    finite = bool(np.all(np.isfinite(about.curvature)))
+    eigenvalues, vectors = np.linalg.eigh(about.curvature if finite else np.eye(len(names)))
     # Judged on a scale of 1 in u; differences leave some of the largest curvature in every other.
     flat = eigenvalues <= _FLAT * max(1e-4 * float(eigenvalues[-1]), 1.0)
-    converged = decrement < _DECREMENT
-    safe = np.where(flat, _LEAST_CURVATURE, eigenvalues)
+    safe = np.where(flat, LEAST_CURVATURE, eigenvalues)
     agreeing = int(np.sum(heights > max(value, heights[0]) - _AGREE))
     message = f"mode reached by {agreeing} of {len(heights)} starts"
     if not finite:
@@ -232,16 +144,16 @@ def _summary(
             f"; the posterior density does not fall along {said}, so that it has no covariance: the one given is a "
             "stand-in to start samplers from. Give that direction a narrower prior or hold it fixed"
         )
-    if not converged:
-        message += f"; not a mode yet: another step would gain {decrement:.2g} nats. Try more starts"
+    if not found.converged:
+        message += f"; not a mode yet: another step would gain {found.gain:.2g} nats. Try more starts"
     covariance = (vectors / safe) @ vectors.T
     return Laplace(
-        mode,
+        found.point,
         0.5 * (covariance + covariance.T),
         value,
         names,
-        decrement,
-        converged,
+        found.gain,
+        found.converged,
         finite and not bool(np.any(flat)),
         heights,
         message,

@@ -20,11 +20,12 @@ from blackjax.mcmc.hmc import HMCState
 from jaxtyping import Array, Float, Int, Key, PRNGKeyArray
 
 from arfjax.errors import InputError
+from inverse.inference.compiled import as_arrays
 from inverse.inference.problem import Problem
 from inverse.sampling.checkpoint import read_checkpoint, refuse_other_settings, write_checkpoint
 from inverse.sampling.draws import Draws
 from inverse.sampling.laplace import Laplace
-from inverse.sampling.target import as_arrays, fingerprint, refuse_other_problem, require_posterior, usable_points
+from inverse.sampling.target import fingerprint, refuse_other_problem, require_posterior, usable_points
 
 _STATISTICS = ("diverging", "acceptance_rate", "n_steps", "tree_depth", "energy")
 

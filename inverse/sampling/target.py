@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float, Key, PRNGKeyArray
 
 from arfjax.errors import InputError
+from inverse.inference.compiled import as_arrays, cached
 from inverse.inference.parameter_set import ParameterSet, Varying
 from inverse.inference.problem import Problem
 
@@ -34,19 +35,12 @@ def batched_log_density(
     """
     arrays, static = eqx.partition(as_arrays(problem), eqx.is_array)
     leaves, structure = jax.tree.flatten(static)
-    compiled = _cached(_compiled, structure, tuple(leaves), chunk)
+    compiled = cached(_compiled, structure, tuple(leaves), chunk)
 
     def evaluate(points: Float[np.ndarray, "point n"]) -> Float[np.ndarray, " point"]:
         return np.array(compiled(arrays, points))
 
     return evaluate
-
-
-def _cached(build: Any, *key: Any) -> Any:
-    try:
-        return build(*key)
-    except TypeError:  # a model with settings that cannot be compared: compiled each time
-        return build.__wrapped__(*key)
 
 
 @functools.lru_cache(maxsize=64)
@@ -65,41 +59,6 @@ def _compiled(structure: Any, leaves: tuple, chunk: int | None) -> Callable[[Any
         return jax.lax.map(problem.log_density, points, batch_size=chunk)
 
     return evaluate
-
-
-def gradient_of(
-    problem: Problem,
-) -> Callable[[Float[np.ndarray, " n"]], tuple[float, Float[np.ndarray, " n"]]]:
-    """Log density and its gradient at one point: all that is compiled for modes and curvatures."""
-    arrays, static = eqx.partition(as_arrays(problem), eqx.is_array)
-    leaves, structure = jax.tree.flatten(static)
-    compiled = _cached(_compiled_gradient, structure, tuple(leaves))
-
-    def evaluate(point: Float[np.ndarray, " n"]) -> tuple[float, Float[np.ndarray, " n"]]:
-        value, gradient = compiled(arrays, point)
-        return float(value), np.array(gradient)
-
-    return evaluate
-
-
-@functools.lru_cache(maxsize=64)
-def _compiled_gradient(structure: Any, leaves: tuple) -> Callable[[Any, Any], tuple[Array, Array]]:
-    static = jax.tree.unflatten(structure, leaves)
-
-    @jax.jit
-    def evaluate(arrays: Any, point: Float[Array, " n"]) -> tuple[Float[Array, ""], Float[Array, " n"]]:
-        return jax.value_and_grad(eqx.combine(arrays, static).log_density)(point)
-
-    return evaluate
-
-
-def as_arrays(problem: Problem) -> Problem:
-    """The problem with all its numbers as arrays, so that others with other numbers need no compilation."""
-
-    def as_array(leaf: Any) -> Any:
-        return jnp.asarray(leaf) if isinstance(leaf, float | np.ndarray) else leaf
-
-    return jax.tree.map(as_array, problem)
 
 
 def batched_values(problem: Problem, points: Float[np.ndarray, "point n"]) -> Float[np.ndarray, "point m"]:
