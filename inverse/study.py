@@ -28,7 +28,6 @@ from inverse.sampling import (
     sample_nuts,
     walkers_from_laplace,
 )
-from inverse.uncertainty import delta_method
 
 
 class Sampler(enum.StrEnum):
@@ -46,8 +45,8 @@ class Study:
 
     Attributes:
         problem: What was inferred.
-        fit: Most probable constants; None where only the posterior was asked for.
-        audit: Of the fit, or None.
+        fit: Most probable constants.
+        audit: Of the fit.
         profiles: Of every parameter; none where they were not asked for, or parameters vary from group to group.
         laplace: Normal approximation of the posterior, or None.
         draws: Of the posterior, or None.
@@ -56,8 +55,8 @@ class Study:
     """
 
     problem: Problem
-    fit: Fit | None
-    audit: Audit | None
+    fit: Fit
+    audit: Audit
     profiles: tuple[Profile, ...]
     laplace: Laplace | None = None
     draws: Draws | None = None
@@ -66,17 +65,13 @@ class Study:
 
     @property
     def estimates(self) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
-        """Values and standard errors: of the fit, or of the normal approximation about the posterior's mode."""
-        if self.fit is not None:
-            return self.fit.values, self.fit.uncertainty.standard_errors
-        assert self.laplace is not None  # one of the two is there
-        values, covariance = delta_method(self.problem.values, self.laplace.mode, self.laplace.covariance)
-        return values, np.sqrt(np.diag(covariance))
+        """Values and standard errors of the fit."""
+        return self.fit.values, self.fit.uncertainty.standard_errors
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Everything that a reader of the numbers has to know."""
-        found = [] if self.audit is None else [finding.sentence for finding in self.audit.findings]
+        found = [finding.sentence for finding in self.audit.findings]
         found += [] if self.laplace is None or self.laplace.converged else [self.laplace.message]
         return (*found, *(() if self.diagnostics is None else self.diagnostics.complaints))
 
@@ -91,8 +86,6 @@ class Effort:
         chains: Of NUTS.
         warmup: Steps of NUTS that are not kept.
         most_steps: Of the ensemble, if its rule for stopping is not met before.
-        with_fit: Whether to fit and audit the fit, which needs second derivatives of all that is simulated: of a whole
-            chain of sound, heat and motion they take longer to compile than a posterior to sample.
         with_profiles: Whether to take profiles of the fit.
         level: Of intervals of profiles.
         chunk: Points whose density is computed at once; None for as many as there are.
@@ -103,7 +96,6 @@ class Effort:
     chains: int = 4
     warmup: int = 500
     most_steps: int = 20_000
-    with_fit: bool = True
     with_profiles: bool = True
     level: float = 0.95
     chunk: int | None = None
@@ -137,7 +129,7 @@ def infer(
         bare = [entry.name for entry in problem.parameters.entries if entry.parameter.prior is None]
         raise InputError(f"`{bare[0]}` has no prior, so that there is no posterior: give one, or sample nothing.")
     problem = as_arrays(problem)
-    study = _fitted(problem, seed, effort, on_step) if effort.with_fit else Study(problem, None, None, ())
+    study = _fitted(problem, seed, effort, on_step)
     if sampler is Sampler.NONE:
         return study
     normal = laplace(problem, seed=seed, n_starts=min(effort.starts, 8), on_step=on_step)

@@ -5,17 +5,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
-import equinox as eqx
 import jax
 import typer
 
-from arfjax import InputError, Model, discretise, read_experiment
+from arfjax import InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.infer_report import parameter_rows, report, results, write_parameters
 from inverse.commands.output import output_directory, write_figures, write_summary
 from inverse.datasets.dma import Sweep, group_sweeps, read_dma
-from inverse.datasets.hmi import HmiData, read_hmi
-from inverse.fast_hmi import FastHmi, Verification, prepare_fast
+from inverse.datasets.hmi import read_hmi
 from inverse.figures.posterior import (
     Panel,
     dma_panels,
@@ -25,25 +23,19 @@ from inverse.figures.posterior import (
     draw_traces,
     hmi_panels,
 )
-from inverse.hmi_model import Sweep as Plan
-from inverse.hmi_model import plan_sweeps
+from inverse.hmi_problem import HmiProblem, hmi_problem
 from inverse.inference.dma import dma_measurement, dma_problem, of_liver
 from inverse.inference.experiment import (
-    InferenceSettings,
     anchored,
-    free_parameters,
     inference_problem,
     inference_settings,
 )
-from inverse.inference.hmi import hmi_measurement, noise_of, used_rows
-from inverse.inference.problem import Measurement, Problem, State
-from inverse.inference.widened import widened
+from inverse.inference.hmi import used_rows
+from inverse.inference.problem import Problem
 from inverse.sampling import posterior_record, save_posterior
 from inverse.study import Effort, Sampler, Study, infer
 
 _MOST_SEPARATE = 4
-_TRAINING = 100
-_WIDER = 4.0 / 3.0
 _VERIFIED = 6
 _CORNER = 12
 _BATCH = 16
@@ -84,8 +76,6 @@ def infer_command(
     given = {"experiment": experiment, "dma": dma, "hmi": hmi}
     if dma is None and hmi is None:
         raise InputError("nothing to infer from: give --dma FILE, --hmi FILE or both.")
-    if hmi is not None and sampler is Sampler.NONE:
-        raise InputError("HMI without a sampler has nothing to do here: `arfjax calibrate` fits HMI.")
     if hmi is not None and experiment is None:
         raise InputError("HMI needs an experiment file: `arfjax infer EXPERIMENT.toml --hmi FILE --out DIR`.")
     sweeps = [] if dma is None else _sweeps(dma, temperature, across, alone=experiment is None)
@@ -93,22 +83,23 @@ def infer_command(
         starts=starts if hmi is None else min(starts, 4),
         draws=draws,
         most_steps=steps,
-        with_fit=hmi is None,
         with_profiles=profiles,
         chunk=None if hmi is None else _BATCH,
     )
     with working("reading") as say:
-        problem, panels, fast = _problem(experiment, sweeps, hmi, across, seed, say)
+        problem, panels, made = _problem(experiment, sweeps, hmi, across, seed, say)
         out.mkdir(parents=True, exist_ok=True)
         file = out / "run.h5" if sampler in (Sampler.NUTS, Sampler.EMCEE) else None
         study = infer(problem, sampler=sampler, seed=seed, effort=effort, evidence=evidence, file=file, on_step=say)
-        checked = None if fast is None or study.draws is None else _verified(study, fast, say)
+        checked, remark = None, "" if made is None else made.remark
+        if made is not None and study.draws is not None:
+            checked = made.verify(study.draws.spread_evenly(_VERIFIED), on_step=say)
         with output_directory(out) as folder:
             say("figures")
             figures = _write_posterior(folder, study, panels, seed)
             write_parameters(folder / "parameters.csv", study)
             inputs = {name: path for name, path in given.items() if path is not None}
-            (folder / "report.md").write_text(report(study, inputs, figures, checked), encoding="utf-8")
+            (folder / "report.md").write_text(report(study, inputs, figures, checked, remark), encoding="utf-8")
             write_summary(
                 folder,
                 command="infer",
@@ -142,7 +133,7 @@ def _problem(
     across: Across,
     seed: int,
     say: Callable[[str], None],
-) -> tuple[Problem, dict[str, list[Panel]], "_Fast | None"]:
+) -> tuple[Problem, dict[str, list[Panel]], HmiProblem | None]:
     """What is inferred, how it is drawn, and the fast model if there is one."""
     panels = {"dma": dma_panels(sweeps)} if sweeps else {}
     if experiment is None:
@@ -150,69 +141,15 @@ def _problem(
         return dma_problem(sweeps, across=population), panels, None
     described = read_experiment(experiment)
     settings = inference_settings(described, str(experiment))
-    model = anchored(described.model(), settings)
     measurements = [dma_measurement(sweeps, of_liver)] if sweeps else []
     if hmi is None:
+        model = anchored(described.model(), settings)
         return inference_problem(settings, model, tuple(measurements)), panels, None
     data = read_hmi(hmi)
-    plan = plan_sweeps(data, described.stepwise(), settings.reference_temperature_c)
     say("fast model: drawing models to learn from")
-    fast = _prepared(settings, model, data, plan, measurements, seed, say)
-    n_rows = len(data.displacement)
-    measured = hmi_measurement(
-        data,
-        lambda each: fast.predict(each, n_rows=n_rows, in_percent=data.in_percent),
-        reference_temperature=settings.reference_temperature_c,
-    )
+    made = hmi_problem(described, settings, data, measurements, seed=seed, on_step=say)
     panels["hmi"] = hmi_panels(data, used_rows(data, settings.reference_temperature_c))
-    problem = inference_problem(settings, model, (*measurements, measured))
-    return problem, panels, _Fast(fast, n_rows, data.in_percent)
-
-
-class _Fast(eqx.Module):
-    """The fast model with what it takes to ask it."""
-
-    model: FastHmi
-    n_rows: int = eqx.field(static=True)
-    in_percent: bool = eqx.field(static=True)
-
-
-def _prepared(
-    settings: InferenceSettings,
-    model: Model,
-    data: HmiData,
-    plan: tuple[Plan, ...],
-    measurements: list[Measurement],
-    seed: int,
-    say: Callable[[str], None],
-) -> FastHmi:
-    """Learnt from models drawn from priors a third wider than those of the inference."""
-    noise = {measurement.name: measurement.noise for measurement in measurements}
-    noise["hmi"] = noise_of(data, used_rows(data, settings.reference_temperature_c))
-    wide = widened(free_parameters(settings, model, noise), _WIDER)
-    keys = jax.random.split(jax.random.key(seed + 1), _TRAINING)
-    points = jax.vmap(lambda key: wide.values(wide.draw(key)))(keys)
-    draws = [wide.write(State(model, noise), point).model for point in points]
-    return prepare_fast(
-        draws,
-        plan,
-        discretise(model, refinement=2.0),
-        on_step=lambda what, done, of: say(f"fast model: {what} {done} of {of}"),
-    )
-
-
-def _verified(study: Study, fast: _Fast, say: Callable[[str], None]) -> Verification:
-    """Some draws of the posterior by the full model."""
-    assert study.draws is not None
-    points = study.draws.spread_evenly(_VERIFIED)
-    models = [study.problem.state_of(study.problem.values(jax.numpy.asarray(u))).model for u in points]
-    return fast.model.verify(
-        models,
-        discretise(models[0], refinement=2.0),
-        n_rows=fast.n_rows,
-        in_percent=fast.in_percent,
-        on_step=lambda what, done, of: say(f"full model: {what} {done} of {of}"),
-    )
+    return made.problem, panels, made
 
 
 def _write_posterior(folder: Path, study: Study, panels: dict[str, list[Panel]], seed: int) -> list[str]:

@@ -56,15 +56,14 @@ def results(study: Study, checked: Verification | None) -> dict[str, Any]:
         },
         "warnings": list(study.warnings),
     }
-    if study.fit is not None and study.audit is not None:
-        found["fit"] = {
-            "converged": study.fit.converged,
-            "status": study.fit.status,
-            "method": study.fit.method.value,
-            "cost": quantity(study.fit.cost, "nats"),
-            "condition_number": study.audit.identification.condition_number,
-            "audit": [{"kind": each.kind.value, "sentence": each.sentence} for each in study.audit.findings],
-        }
+    found["fit"] = {
+        "converged": study.fit.converged,
+        "status": study.fit.status,
+        "method": study.fit.method.value,
+        "cost": quantity(study.fit.cost, "nats"),
+        "condition_number": study.audit.identification.condition_number,
+        "audit": [{"kind": each.kind.value, "sentence": each.sentence} for each in study.audit.findings],
+    }
     if study.draws is not None and study.diagnostics is not None:
         found["posterior"] = {
             "sampler": study.draws.sampler,
@@ -81,19 +80,23 @@ def results(study: Study, checked: Verification | None) -> dict[str, Any]:
     return found
 
 
-def report(study: Study, inputs: Mapping[str, Path], figures: Sequence[str], checked: Verification | None) -> str:
-    """The report, as Markdown."""
+def report(
+    study: Study,
+    inputs: Mapping[str, Path],
+    figures: Sequence[str],
+    checked: Verification | None,
+    remark: str = "",
+) -> str:
+    """The report, as Markdown; `remark` is what must be known of how a fast model was made."""
     header, rows = parameter_rows(study)
     lines = [f"# Inference from {' and '.join(path.name for path in inputs.values())}", ""]
     lines += [*_table(header, rows), "", *_fit_lines(study)]
-    lines += _posterior_lines(study, checked)
+    lines += _posterior_lines(study, checked, remark)
     lines += ["## What was believed before", "", *_table(("parameter", "prior", "source"), _beliefs(study)), ""]
     return "\n".join([*lines, *(f"![{name}]({name})" for name in figures), ""])
 
 
 def _fit_lines(study: Study) -> list[str]:
-    if study.fit is None or study.audit is None:
-        return ["The first numbers are those of the posterior's mode, with a normal density about it.", ""]
     lines = [f"Fit by {study.fit.method.value}: {study.fit.status}.", "", "## What the fit can be trusted with", ""]
     lines += [f"- {each.sentence}" for each in study.audit.findings] or ["Nothing was found wrong with it."]
     lines += [f"- {one.name}, profile: {side}." for one in study.profiles for side in _open_ends(one)]
@@ -101,7 +104,7 @@ def _fit_lines(study: Study) -> list[str]:
     return [*lines, "", f"Condition number of the Fisher information: {condition:.3g}.", ""]
 
 
-def _posterior_lines(study: Study, checked: Verification | None) -> list[str]:
+def _posterior_lines(study: Study, checked: Verification | None, remark: str) -> list[str]:
     if study.draws is None or study.diagnostics is None:
         return []
     lines = ["## Posterior", "", f"{study.draws.sampler}, seed {study.draws.seed}: {study.draws.message}.", ""]
@@ -109,6 +112,7 @@ def _posterior_lines(study: Study, checked: Verification | None) -> list[str]:
     if study.evidence is not None:
         lines += [f"- log evidence {study.evidence.log_evidence:.3f} ± {study.evidence.standard_error:.2g} nats"]
         lines += [f"- {each}" for each in study.evidence.warnings]
+    lines += [f"- {remark}"] if remark else []
     if checked is not None:
         lines += [
             f"- {len(checked.covered)} draws computed again by the full model: the curves differ by "
