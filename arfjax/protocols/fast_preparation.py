@@ -43,6 +43,7 @@ class Effort:
         n_modes: Shapes.
         n_terms: Polynomials in each of attenuation and sound speed.
         tolerance: Of the lesion's force at the points chosen, root mean square.
+        n_combinations: Of the lesion's forces that points are chosen by, half as many again as there are points.
         n_push_steps: Steps of a push of 0.5 ms, in preparation and afterwards.
         n_heat_steps: Steps of the sonication.
     """
@@ -52,6 +53,7 @@ class Effort:
     n_modes: int = 60
     n_terms: int = 16
     tolerance: float = 1e-3
+    n_combinations: int = 600
     n_push_steps: int = 25
     n_heat_steps: int = 90
 
@@ -131,7 +133,9 @@ def prepare_curve(
     on_step("points", 0, 1)
     shapes = shapes_of(pushes, settings, duration=protocols[0][0].push_duration, n_modes=effort.n_modes)
     samples = [sample for push in pushes for sample in push.samples]
-    solid = with_points(settings.mesh, shapes, samples, tolerance=effort.tolerance)
+    solid = with_points(
+        settings.mesh, shapes, samples, tolerance=effort.tolerance, n_combinations=effort.n_combinations
+    )
     on_step("points", 1, 1)
     force = _reduced(settings.mesh, shapes, table, ranges)
     return dataclasses.replace(fast, solid=solid, sound=dataclasses.replace(blank, force=force))

@@ -134,11 +134,17 @@ class Sample(eqx.Module):
 
 
 def with_points(
-    mesh: Mesh, shapes: Shapes, samples: Sequence[Sample], *, tolerance: float, seed: int = 0
+    mesh: Mesh,
+    shapes: Shapes,
+    samples: Sequence[Sample],
+    *,
+    tolerance: float,
+    n_combinations: int = 600,
+    seed: int = 0,
 ) -> ReducedSolid:
     """The shapes with the points at which the inclusion's force in all samples is right to a tolerance.
 
-    Random combinations of the forces on all shapes in all samples are integrated: many more of them than there will be
+    Random combinations of the forces on all shapes in all samples are integrated: more of them than there will be
     points stand for all.
 
     Raises:
@@ -153,11 +159,11 @@ def with_points(
         raise InputError("no draw has a lesion in any state: there is nothing to choose points by.")
     rng = np.random.default_rng(seed)
     shape, dilatation = shapes.shape[:, candidates], shapes.dilatation[candidates]
-    total = np.zeros((_COMBINATIONS, len(candidates)))
+    total = np.zeros((n_combinations, len(candidates)))
     _, *strains = (np.asarray(part) for part in _strains(mesh, np.stack([each.displacement for each in samples])))
     for number, moduli in enumerate(excess):
         seen = [part[number][..., candidates] for part in strains]
-        combined = rng.normal(size=(2, _COMBINATIONS, shape.shape[-1]))
+        combined = rng.normal(size=(2, n_combinations, shape.shape[-1]))
         for component in range(3):
             of_modes = shape[component] * (2.0 * moduli[0, candidates] * seen[0][component])[:, None]
             total += combined[0] @ of_modes.T
@@ -176,9 +182,6 @@ def with_points(
         r=jnp.asarray(r[places]),
         z=jnp.asarray(z[places]),
     )
-
-
-_COMBINATIONS = 600
 
 
 def _felt(excess: Float[np.ndarray, "modulus point"]) -> Bool[np.ndarray, " point"]:
