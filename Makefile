@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all lint types format lock benchmark operating-characteristic clean
+.PHONY: demo test test-all lint types format lock benchmark operating-characteristic calibration clean
 
 demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measurements
 	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data pyvisco_polymer) --out results/demo/dma
@@ -53,6 +53,9 @@ benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
 
 operating-characteristic: $(VENV)/.run  ## docs/operating_characteristic.md, in an hour; goes on where it was stopped
 	$(BIN)/python -m benchmarks.diagnosis --out results/benchmarks/diagnosis.jsonl --docs docs
+
+calibration: $(VENV)/.run  ## docs/calibration.md, in three quarters of an hour; goes on where it was stopped
+	$(BIN)/python -m benchmarks.calibration --out results/benchmarks/calibration.json --docs docs
 
 lock: $(VENV)/.dev  ## newest versions that fit pyproject.toml, for every Python and platform
 	$(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes --no-header \

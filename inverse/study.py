@@ -25,6 +25,7 @@ from inverse.sampling import (
     diagnose_draws,
     laplace,
     sample_ensemble,
+    sample_importance,
     sample_nuts,
     walkers_from_laplace,
 )
@@ -35,6 +36,7 @@ class Sampler(enum.StrEnum):
 
     NUTS = "nuts"
     EMCEE = "emcee"
+    IMPORTANCE = "importance"
     LAPLACE = "laplace"
     NONE = "none"
 
@@ -86,6 +88,7 @@ class Effort:
         chains: Of NUTS.
         warmup: Steps of NUTS that are not kept.
         most_steps: Of the ensemble, if its rule for stopping is not met before.
+        evaluations: Of the density by importance sampling.
         with_profiles: Whether to take profiles of the fit.
         level: Of intervals of profiles.
         chunk: Points whose density is computed at once; None for as many as there are.
@@ -96,6 +99,7 @@ class Effort:
     chains: int = 4
     warmup: int = 500
     most_steps: int = 20_000
+    evaluations: int = 4000
     with_profiles: bool = True
     level: float = 0.95
     chunk: int | None = None
@@ -115,7 +119,8 @@ def infer(
 
     Args:
         problem: With a prior for every parameter if it is to be sampled.
-        sampler: NUTS (gradients), emcee's ensemble, the normal approximation alone, or none.
+        sampler: NUTS (gradients), emcee's ensemble, importance sampling (few evaluations), the normal
+            approximation alone, or none.
         seed: Of starts and samplers.
         effort: How much to put in.
         evidence: Whether to estimate the evidence by bridge sampling.
@@ -174,6 +179,11 @@ def _sample(
         return sample_ensemble(
             problem, start, seed=seed, most_steps=effort.most_steps, file=file, chunk=effort.chunk, on_step=on_step
         )
+    if sampler is Sampler.IMPORTANCE:
+        return sample_importance(
+            problem, normal, seed=seed, chains=effort.chains, draws=effort.draws, evaluations=effort.evaluations,
+            chunk=effort.chunk, on_step=on_step,
+        )  # fmt: skip
     return _normal_draws(problem, normal, seed, effort)
 
 

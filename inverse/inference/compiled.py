@@ -9,7 +9,7 @@ Problems that differ in numbers alone, such as their data, share what is compile
 
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -44,7 +44,7 @@ def cost_of(problem: Problem) -> Gradient:
     def evaluate(u: Float[np.ndarray, " n"]) -> tuple[float, Float[np.ndarray, " n"]]:
         parts = around(u)
         value, slope = likelihood(parts.values)
-        return float(parts.penalty) - value, parts.penalty_slope - parts.jacobian.T @ slope
+        return parts.penalty - value, parts.penalty_slope - parts.jacobian.T @ slope
 
     return evaluate
 
@@ -67,13 +67,13 @@ def log_density_of(problem: Problem) -> Gradient:
     def evaluate(u: Float[np.ndarray, " n"]) -> tuple[float, Float[np.ndarray, " n"]]:
         parts = around(u)
         value, slope = likelihood(parts.values)
-        total = float(parts.prior) + value
+        total = parts.prior + value
         return (total if np.isfinite(total) else -np.inf), parts.prior_slope + parts.jacobian.T @ slope
 
     return evaluate
 
 
-class _Small(eqx.Module):
+class _Small(NamedTuple):
     """All of an objective at a point but for the likelihood.
 
     Attributes:
@@ -87,9 +87,9 @@ class _Small(eqx.Module):
 
     values: Float[np.ndarray, " m"]
     jacobian: Float[np.ndarray, "m n"]
-    prior: Float[np.ndarray, ""]
+    prior: float
     prior_slope: Float[np.ndarray, " n"]
-    penalty: Float[np.ndarray, ""]
+    penalty: float
     penalty_slope: Float[np.ndarray, " n"]
 
 

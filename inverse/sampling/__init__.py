@@ -16,10 +16,13 @@ from inverse.sampling.ensemble import walkers_from_laplace as walkers_from_lapla
 from inverse.sampling.ensemble import walkers_from_prior as walkers_from_prior
 from inverse.sampling.evidence import Evidence as Evidence
 from inverse.sampling.evidence import bridge_evidence as bridge_evidence
+from inverse.sampling.importance import sample_importance as sample_importance
 from inverse.sampling.inference_data import load_posterior as load_posterior
 from inverse.sampling.inference_data import save_posterior as save_posterior
 from inverse.sampling.laplace import Laplace as Laplace
 from inverse.sampling.laplace import laplace as laplace
 from inverse.sampling.nuts import sample_nuts as sample_nuts
 from inverse.sampling.overlap import overlap_coefficient as overlap_coefficient
+from inverse.sampling.rank_calibration import RankCalibration as RankCalibration
+from inverse.sampling.rank_calibration import calibrate_ranks as calibrate_ranks
 from inverse.sampling.record import posterior_record as posterior_record

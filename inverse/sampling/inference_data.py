@@ -4,6 +4,7 @@ ArviZ 0.23 keeps a posterior in its own `InferenceData`, later versions in a `Da
 same, and so are the files. Functions take plain arrays, and no interval is ever left to a default, which differs, too.
 """
 
+import importlib
 import importlib.metadata
 import warnings
 from collections.abc import Mapping
@@ -112,3 +113,14 @@ def _number(function: Any, draws: Float[np.ndarray, "chain draw"], **settings: A
         return float("nan")
     with np.errstate(all="ignore"):
         return float(np.asarray(function(np.asarray(draws), **settings)))
+
+
+def smoothed_weights(logs: Float[np.ndarray, " point"]) -> tuple[Float[np.ndarray, " point"], float]:
+    """Logarithms of importance weights that sum to one, the largest smoothed by a Pareto law, and the shape of that."""
+    if _HAS_INFERENCE_DATA:
+        smooth, shape = az.psislw(logs.copy())
+    else:
+        arrays: Any = importlib.import_module("arviz_stats.base").array_stats
+        smooth, shape = arrays.psislw(logs.copy())
+    smooth = np.asarray(smooth)
+    return smooth - np.logaddexp.reduce(smooth), float(np.asarray(shape))

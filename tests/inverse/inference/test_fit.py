@@ -37,7 +37,9 @@ def line(*, priors: bool = False, noise_is_free: bool = False) -> Problem:
     return Problem(ParameterSet(tuple(entries)), {"offset": 0.0, "slope": 0.0}, (measured,))
 
 
-@pytest.mark.parametrize("method", [Method.LEVENBERG_MARQUARDT, Method.DOGLEG, Method.BFGS, Method.L_BFGS_B])
+@pytest.mark.parametrize(
+    "method", [Method.LEVENBERG_MARQUARDT, Method.DOGLEG, Method.BFGS, Method.L_BFGS_B, Method.NEWTON]
+)
 def test_straight_line_in_closed_form(method):
     found = fit(line(), method=method, n_starts=3)
     normal = DESIGN.T @ DESIGN

@@ -1,0 +1,59 @@
+"""Importance sampling: the moments of known posteriors, what its draws are worth, and proposals that miss."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from inverse.sampling import diagnose_draws, laplace, sample_importance
+from inverse.sampling.target import batched_log_density
+from inverse.study import Effort, Sampler, infer
+from tests.inverse.sampling.conjugate import conjugate_problem, exact_posterior
+
+PROBLEM = conjugate_problem()
+
+
+@pytest.fixture(scope="module")
+def found():
+    return laplace(PROBLEM, n_starts=2)
+
+
+def test_moments_of_a_normal_posterior(found):
+    """Within four errors of a mean of as many independent draws as they are worth."""
+    drawn = sample_importance(PROBLEM, found, seed=1, draws=2000, evaluations=8000)
+    mean, covariance, _ = exact_posterior(PROBLEM)
+    sd, size = np.sqrt(np.diag(covariance)), float(drawn.settings["effective_size"])
+    # Student's t for a normal density: a share of the draws that follows from their ratio, 0.9 in three dimensions.
+    assert 0.7 * 6000 < size < 6000 and drawn.finished
+    assert np.all(np.abs(drawn.flat.mean(axis=0) - mean) < 4.0 * sd / np.sqrt(size))
+    np.testing.assert_allclose(drawn.flat.std(axis=0), sd, rtol=4.0 / np.sqrt(2.0 * size) + 0.01)
+    np.testing.assert_allclose(np.cov(drawn.flat.T) / np.outer(sd, sd), covariance / np.outer(sd, sd), atol=0.1)
+    np.testing.assert_allclose(drawn.log_density.ravel(), batched_log_density(PROBLEM)(drawn.flat), rtol=1e-12)
+
+
+def test_weights_mend_a_proposal_that_is_off(found):
+    """Shifted by one standard deviation, and half as wide again: the draws are those of the posterior all the same."""
+    off = dataclasses.replace(found, mode=found.mode + found.sd, covariance=2.25 * found.covariance)
+    drawn = sample_importance(PROBLEM, off, seed=2, draws=2000, evaluations=8000)
+    mean, covariance, _ = exact_posterior(PROBLEM)
+    for index, sd in enumerate(np.sqrt(np.diag(covariance))):
+        distance = stats.kstest(drawn.flat[:, index], stats.norm(mean[index], sd).cdf).statistic
+        assert distance < 1.63 / np.sqrt(float(drawn.settings["effective_size"]))  # one percent
+    assert drawn.finished
+
+
+def test_a_proposal_that_misses_says_so(found):
+    narrow = dataclasses.replace(found, mode=found.mode + 6.0 * found.sd, covariance=1e-3 * found.covariance)
+    drawn = sample_importance(PROBLEM, narrow, seed=3, draws=100, evaluations=400)
+    assert not drawn.finished and drawn.settings["pareto_shape"] > 0.7
+    assert "the proposal misses part of the posterior" in drawn.message
+    assert any("did not finish" in each for each in diagnose_draws(PROBLEM, drawn).complaints)
+
+
+def test_a_study_by_importance_sampling():
+    effort = Effort(starts=2, draws=200, chains=2, evaluations=1000, with_profiles=False)
+    study = infer(PROBLEM, sampler=Sampler.IMPORTANCE, effort=effort, seed=4)
+    assert study.draws is not None and study.draws.sampler == "importance sampling"
+    again = infer(PROBLEM, sampler=Sampler.IMPORTANCE, effort=effort, seed=4)
+    np.testing.assert_array_equal(again.draws.flat, study.draws.flat)
