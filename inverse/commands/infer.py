@@ -56,7 +56,9 @@ def infer_command(
         Path | None, typer.Option(help="CSV file: frequency, temperature, storage and loss modulus.")
     ] = None,
     hmi: Annotated[Path | None, typer.Option(help="CSV file: sonication, time or temperature, displacement.")] = None,
-    sampler: Annotated[Sampler, typer.Option(help="How the posterior is explored.")] = Sampler.NUTS,
+    sampler: Annotated[
+        Sampler | None, typer.Option(help="How the posterior is explored; nuts, or importance with HMI, if not given.")
+    ] = None,
     temperature: Annotated[float | None, typer.Option(help="The sweep nearest to this temperature [degC].")] = None,
     across: Annotated[Across, typer.Option(help="Constants of all sweeps from one population.")] = Across.NONE,
     draws: Annotated[int, typer.Option(help="Draws of each of four chains.", min=50)] = 1000,
@@ -78,6 +80,7 @@ def infer_command(
         raise InputError("nothing to infer from: give --dma FILE, --hmi FILE or both.")
     if hmi is not None and experiment is None:
         raise InputError("HMI needs an experiment file: `arfjax infer EXPERIMENT.toml --hmi FILE --out DIR`.")
+    sampler = sampler or (Sampler.NUTS if hmi is None else Sampler.IMPORTANCE)
     sweeps = [] if dma is None else _sweeps(dma, temperature, across, alone=experiment is None)
     effort = Effort(
         starts=starts if hmi is None else min(starts, 4),
