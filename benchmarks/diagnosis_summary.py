@@ -80,7 +80,7 @@ def _limits_of(problem: DmaProblem, strengths: Sequence[float], rng: np.random.G
     alternatives = [
         a for a in problem.directions(every_shape(DMA_CAUSES)) if visibility(a.directions, fitted)[0] > LEAST_VISIBILITY
     ]
-    white = Screen(fitted, alternatives, noise_family(problem.orderings(), problem.frequencies(), assumed_white=True))
+    white = Screen(fitted, alternatives, noise_family(problem.orderings(), problem.frequencies())[:1])
     directions = white.projected()
     owners = np.array([alternative.name for alternative in white.alternatives])
     signs = np.array([alternative.sign for alternative in white.alternatives])
