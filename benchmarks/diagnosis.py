@@ -99,7 +99,7 @@ def one_set(condition: Condition, seed: int) -> dict:
         "possible": list(decision.possible),
         "misfits": decision.misfits,
         "by score": decision.omnibus.ranked(list(dict.fromkeys(a.name for a in found.seen)))[:3],
-        "left": decision.candidates.get(condition.name),
+        "left": decision.candidates,
     }
     if condition.part == "known" and condition.name in decision.candidates:
         line |= _strength(found, condition.name, key)

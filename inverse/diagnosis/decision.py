@@ -60,7 +60,6 @@ class Evidence:
         p_family: The same for the whole family: that noise alone gives any alternative as improbable a value.
         statistics: t or F of each alternative.
         noises: The noise member that each alternative goes with.
-        noise: The one of the most improbable alternative.
         null_noise: The noise member without any alternative.
     """
 
@@ -71,7 +70,6 @@ class Evidence:
     p_family: Float[np.ndarray, " alternative"]
     statistics: Float[np.ndarray, " alternative"]
     noises: Int[np.ndarray, " alternative"]
-    noise: int
     null_noise: int
 
     def best(self, name: str) -> int | None:
@@ -287,8 +285,9 @@ def evidence(
         whole: If false, no more replicates are drawn once the p-value is clear: far above every level, or below.
     """
     found = screen.statistics(residuals[:, None])
-    noise = int(found.noise[np.argmin(found.log_p[:, 0]), 0])
-    log_p = found.log_p
+    # The noise that makes the data likeliest if nothing is there: free forms of many terms absorb correlated noise, and
+    # what they leave would call for replicates of white noise, on which nothing is ever so large.
+    noise, log_p = int(found.null_noise[0]), found.log_p
     while log_p.shape[1] <= replicates:
         count = replicates if whole else min(_BATCH, replicates + 1 - log_p.shape[1])
         drawn = screen.replicate(residuals, noise, count, rng)
@@ -308,8 +307,7 @@ def evidence(
         p_family=p_family,
         statistics=found.statistic[:, 0],
         noises=found.noise[:, 0],
-        noise=noise,
-        null_noise=int(found.null_noise[0]),
+        null_noise=noise,
     )
 
 

@@ -147,9 +147,7 @@ def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: 
     return refit.residuals, refit.directions, refit.constants
 
 
-def _free_forms(
-    problem: DmaProblem, residuals: Float[np.ndarray, " n"]
-) -> tuple[list[Alternative], list[Place]]:
+def _free_forms(problem: DmaProblem, residuals: Float[np.ndarray, " n"]) -> tuple[list[Alternative], list[Place]]:
     coordinates, conditions = problem.weights.shape[1], problem.conditions
     predicted = problem.measured - residuals.reshape(problem.weights.shape) / problem.weights
     phase = predicted[:, 1] if problem.has_phase else np.zeros(problem.rows)

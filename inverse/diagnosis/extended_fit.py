@@ -27,7 +27,6 @@ class ExtendedFit:
     Attributes:
         extensions: What was added, in the shapes that fit best.
         strengths: Their fitted strengths.
-        standard_errors: Of the strengths, for noise of the given kind and of the size that the fit leaves.
         intervals: Of the strengths at `INTERVAL_LEVEL`; a strength that cannot be negative has none below 0. Where a
             cause has a shape, by the profile likelihood over it.
         constants: Of every sweep.
@@ -41,7 +40,6 @@ class ExtendedFit:
 
     extensions: tuple[Extension, ...]
     strengths: Float[np.ndarray, " extension"]
-    standard_errors: Float[np.ndarray, " extension"]
     intervals: Float[np.ndarray, "extension 2"]
     constants: Float[np.ndarray, "sweep 4"]
     residuals: Float[np.ndarray, " n"]
@@ -126,7 +124,6 @@ class Refit:
         return ExtendedFit(
             extensions=tuple(Extension(e.cause, shape) for e, shape in zip(self.extensions, shapes, strict=True)),
             strengths=unknowns[self._strengths] * self._scales,
-            standard_errors=errors * self._scales,
             intervals=np.where(self._one_sided[:, None], np.maximum(ends, 0.0), ends) * self._scales[:, None],
             constants=np.asarray(_constants(self.white, jnp.asarray(unknowns))),
             residuals=self.plain(unknowns),
@@ -166,6 +163,20 @@ class Refit:
         first[self._strengths] = np.where(self._one_sided, np.maximum(strengths, _SMALL), strengths)
         first[self._shapes] = [float(extension.shape) for extension in self.extensions]
         return self._solve(first, self._moved, used)
+
+    def solve_constants(
+        self,
+        unknowns: Float[np.ndarray, " unknown"],
+        used: Bool[np.ndarray, " row"],
+        *,
+        constants: Float[np.ndarray, "sweep n"],
+    ) -> tuple[Float[np.ndarray, " unknown"], bool, str]:
+        """Refit the constants of the sweeps that have rows in use; strengths, shapes and other sweeps stay."""
+        sweep, count = np.asarray(self.problem.conditions.sweep), self.problem.moved.shape[1]
+        moved = 2 * len(self.white.causes) + (np.unique(sweep[used])[:, None] * count + np.arange(count)).ravel()
+        first = unknowns.copy()
+        first[moved] = np.clip(constants[np.unique(sweep[used])].ravel(), -_FARTHEST, _FARTHEST)
+        return self._solve(first, moved, used)
 
     def own_constants(self, used: Bool[np.ndarray, " row"]) -> Float[np.ndarray, "sweep n"]:
         """Constants, unconstrained, that fit the rows in use without any extension; other rows are not looked at."""

@@ -3,8 +3,9 @@
 import math
 from typing import Any
 
-from inverse.commands.output import versions
-from inverse.diagnosis import CauseReport, Diagnosis, describe_correction
+from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
+from inverse.diagnosis.where import describe_correction
+from inverse.software import versions
 
 SCHEMA_VERSION = 1
 """Of diagnosis.json; keys do not change without a new number."""
