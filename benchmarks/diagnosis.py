@@ -25,7 +25,8 @@ import numpy as np
 
 import arfjax as ax
 from benchmarks.diagnosis_docs import write_docs
-from benchmarks.diagnosis_summary import limits, summarise
+from benchmarks.diagnosis_limits import limits, removed_limits
+from benchmarks.diagnosis_summary import summarise
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
@@ -166,11 +167,16 @@ def main() -> None:
             lines.append(one_set(condition, seed))
             record.write(json.dumps(lines[-1]) + "\n")
             record.flush()
+
+    def quiet(name: str, d_prime: float) -> tuple[DmaProblem, float]:
+        hidden = {"name": name, "d_prime": d_prime, "noise": "none"}
+        return measured(_seed(0, 0, given.development), **hidden)[0], blind.NOISE
+
     designs = [measured(_seed(place, 0, given.development), name="none")[0] for place in range(5)]
     summary = {
         "benchmark": "diagnosis",
         "seeds": "development" if given.development else "test",
-        **summarise(lines, limits(designs, STRENGTHS)),
+        **summarise(lines, limits(designs, STRENGTHS), removed_limits(quiet, TESTABLE, UNKNOWN_STRENGTHS)),
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }
     given.out.with_suffix(".json").write_text(json.dumps(summary, indent=2) + "\n")

@@ -27,7 +27,7 @@ from inverse.diagnosis.screening import Alternative, Screen, unit_columns
 
 FREE_FORM_HANDICAP = 10.0
 SET_LEVEL = 0.01
-UNEXPLAINED_LEVEL = 0.04
+UNEXPLAINED_LEVEL = 0.06
 PAIR_LEVEL = 0.1
 """The same for pairs: many are tried, so that one that takes an effect of no name is found more easily."""
 NEEDED = 4.5
