@@ -111,7 +111,7 @@ class Refit:
     def fit(self, start: Float[np.ndarray, " extension"], *, profile: bool = True) -> ExtendedFit:
         """Refit to all data, from several shapes: the sum of squares has more than one minimum along them.
 
-        A second relaxation explained by drainage: 160 left of 120 expected from the best linear shape, 124 from another.
+        A second relaxation explained by drainage: 160 left (120 expected) from the best linear shape, 124 from another.
         """
         rough = [
             self.solve(start, self._everything, shapes=shapes, tolerance=_ROUGH) for shapes in self._starting_shapes()

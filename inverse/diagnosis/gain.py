@@ -106,7 +106,7 @@ def _folds(problem: DmaProblem, extensions: int) -> tuple[list[_Fold], str]:
     temperature = temperature_groups(problem)
     places = np.unique(temperature)
     if len(places) < LEAST_TEMPERATURES:
-        folds = [_Fold(blocks == one, blocks != one, blocks != one, one) for one in used]
+        folds = [_Fold(blocks == one, blocks != one, blocks != one, float(one)) for one in used]
         return folds, f"{len(used)} blocks of neighbouring frequencies, each left out of all sweeps in turn{left_out}"
     folds = [
         _Fold(
