@@ -267,10 +267,10 @@ def _left(limit: dict[str, dict[str, dict[str, Any]]]) -> list[str]:
             "## What is left to see of a cause taken out of the list",
             "",
             "On one design, without noise: the other cause that imitates it best, refitted in full (constants, "
-            "strength and shape), and the d' that it leaves. The powers are those of somebody who looks for exactly that rest, "
-            "at the level of `unexplained`, with the noise known and unknown: more than a diagnosis knows, so that one "
-            "that looks for everything cannot reach them. Where little is left, the stand-in describes the data, and "
-            "its name is all that they allow.",
+            "strength and shape), and the d' that it leaves. The powers are those of somebody who looks for exactly "
+            "that rest, at the level of `unexplained`, with the noise known and unknown: more than a diagnosis knows, "
+            "so that one that looks for everything cannot reach them. Where little is left, the stand-in describes the "
+            "data, and its name is all that they allow.",
             "",
             "| d' | taken out | best stand-in | d' left | seen, noise known [%] | seen, noise unknown [%] |",
             "| ---: | --- | --- | ---: | ---: | ---: |",

@@ -288,6 +288,7 @@ def evidence(
     # The noise that makes the data likeliest if nothing is there: free forms of many terms absorb correlated noise, and
     # what they leave would call for replicates of white noise, on which nothing is ever so large.
     noise, log_p = int(found.null_noise[0]), found.log_p
+    calibrated = smallest = np.zeros((0, 0))
     while log_p.shape[1] <= replicates:
         count = replicates if whole else min(_BATCH, replicates + 1 - log_p.shape[1])
         drawn = screen.replicate(residuals, noise, count, rng)

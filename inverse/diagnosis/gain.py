@@ -150,7 +150,7 @@ def frequency_blocks(angular_frequency: Float[np.ndarray, " row"]) -> Int[np.nda
     return rank * min(BLOCKS, len(distinct)) // len(distinct)
 
 
-Scored = tuple[Float[np.ndarray, " m"], float]
+Scored = tuple[Float[np.ndarray, " _"], float]
 """Relative residuals of a block, and its summed log density."""
 
 
@@ -192,6 +192,6 @@ def _score(refit: Refit, noise: Noise, unknowns: Float[np.ndarray, " unknown"], 
     return plain[scored] / weights.ravel()[scored], float(np.sum(density))
 
 
-def _root_mean_square(parts: Sequence[Float[np.ndarray, " m"]]) -> float:
+def _root_mean_square(parts: Sequence[Float[np.ndarray, " _"]]) -> float:
     together = np.concatenate(parts)
     return float(np.sqrt(np.mean(together**2)))
