@@ -11,6 +11,8 @@ SMOOTH_TERMS = (3, 7)
 """Cosines of a smooth correction along a coordinate: a coarse one has power, a fine one reach."""
 EACH_TERMS = (3, 5)
 """Cosines of a correction that every sweep has in its own way."""
+MOST_TERMS = 60
+"""Directions of one correction beyond which it has too little power for the time that it takes."""
 TIME_TERMS = 4
 """Cosines of a correction along time or stiffness."""
 _SAME = 1e-3
@@ -94,6 +96,8 @@ def _add_of_many(add, relative, frequency, sweep, coordinate, count, modulus, ti
     """Free forms that take several sweeps to tell from the material's constants."""
     for terms in EACH_TERMS:
         smooth = _smooth(frequency, coordinate, terms)
+        if count * smooth.shape[1] > MOST_TERMS:
+            continue
         each = [smooth * (sweep == index)[:, None] for index in range(count)]
         add(f"each-{terms}", "in each sweep in its own way, smoothly along frequency", np.concatenate(each, axis=1))
     powers = np.stack([frequency / frequency.max(), (frequency / frequency.max()) ** 2], axis=-1)

@@ -108,19 +108,16 @@ def _folds(problem: DmaProblem, extensions: int) -> tuple[list[_Fold], str]:
     if len(places) < LEAST_TEMPERATURES:
         folds = [_Fold(blocks == one, blocks != one, blocks != one, float(one)) for one in used]
         return folds, f"{len(used)} blocks of neighbouring frequencies, each left out of all sweeps in turn{left_out}"
+    group = _blocks(np.searchsorted(places, temperature), len(places))
     folds = [
-        _Fold(
-            scored=(temperature == place) & (blocks == one),
-            constants=blocks != one,
-            strength=temperature != place,
-            group=place,
-        )
+        _Fold((group == place) & (blocks == one), blocks != one, group != place, float(place))
         for one in used
-        for place in places.tolist()
+        for place in np.unique(group).tolist()
     ]
+    several = "" if len(places) <= BLOCKS else f" in {BLOCKS} blocks of neighbours"
     split = (
-        f"{len(places)} temperatures, each left out in turn: strengths from the others, constants of its own from all "
-        f"but one of {len(np.unique(blocks))} blocks of neighbouring frequencies, which is predicted{left_out}"
+        f"{len(places)} temperatures{several}, each left out in turn: strengths from the others, constants of its own "
+        f"from all but one of {len(np.unique(blocks))} blocks of neighbouring frequencies, which is predicted{left_out}"
     )
     return [fold for fold in folds if np.any(fold.scored)], split
 
@@ -147,7 +144,12 @@ def frequency_blocks(angular_frequency: Float[np.ndarray, " row"]) -> Int[np.nda
     """Block of each row: neighbours in frequency, about equally many distinct ones in each."""
     distinct = np.unique(np.round(np.log(angular_frequency), 3))
     rank = np.searchsorted(distinct, np.round(np.log(angular_frequency), 3))
-    return rank * min(BLOCKS, len(distinct)) // len(distinct)
+    return _blocks(rank, len(distinct))
+
+
+def _blocks(rank: Int[np.ndarray, " row"], count: int) -> Int[np.ndarray, " row"]:
+    """Neighbours together, about equally many of `count` in each."""
+    return rank * min(BLOCKS, count) // count
 
 
 Scored = tuple[Float[np.ndarray, " _"], float]

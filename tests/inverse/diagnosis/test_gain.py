@@ -42,7 +42,7 @@ def test_each_temperature_is_left_out_in_turn(drifting):
         assert len(np.unique(temperature[fold.scored])) == 1
         # Neither the strength nor the constants have seen what is scored, nor the strength anything of its temperature.
         assert not np.any(fold.scored & (fold.strength | fold.constants))
-        assert not np.any(fold.strength & (temperature == fold.group))
+        assert not np.any(fold.strength & (temperature == temperature[fold.scored][0]))
 
 
 def test_gain_of_the_hidden_cause_and_none_of_one_that_is_not_there(drifting):
