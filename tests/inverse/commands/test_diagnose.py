@@ -35,7 +35,8 @@ def test_conventional_solid_on_a_real_polymer_lacks_power_law_relaxation(found):
     assert found["named"] == ["power-law-relaxation"] and found["causes"][0]["name"] == "power-law-relaxation"
     # Not all: what is left is said without a name.
     assert found["verdict"] == "unexplained" and "Hz" in found["unexplained"]
-    assert found["gain"]["rmse_after"] < found["gain"]["rmse_before"] / 5.0
+    # At temperatures that told nothing of its strength.
+    assert found["gain"]["rmse_after"] < found["gain"]["rmse_before"] / 4.0
 
 
 @pytest.mark.slow
