@@ -25,7 +25,8 @@ import numpy as np
 
 import arfjax as ax
 from benchmarks.diagnosis_docs import write_docs
-from benchmarks.diagnosis_summary import limits, summarise
+from benchmarks.diagnosis_limits import limits, removed_limits
+from benchmarks.diagnosis_summary import summarise
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
@@ -99,7 +100,7 @@ def one_set(condition: Condition, seed: int) -> dict:
         "possible": list(decision.possible),
         "misfits": decision.misfits,
         "by score": decision.omnibus.ranked(list(dict.fromkeys(a.name for a in found.seen)))[:3],
-        "left": decision.candidates.get(condition.name),
+        "left": decision.candidates,
     }
     if condition.part == "known" and condition.name in decision.candidates:
         line |= _strength(found, condition.name, key)
@@ -166,11 +167,16 @@ def main() -> None:
             lines.append(one_set(condition, seed))
             record.write(json.dumps(lines[-1]) + "\n")
             record.flush()
+
+    def quiet(name: str, d_prime: float) -> tuple[DmaProblem, float]:
+        hidden = {"name": name, "d_prime": d_prime, "noise": "none"}
+        return measured(_seed(0, 0, given.development), **hidden)[0], blind.NOISE
+
     designs = [measured(_seed(place, 0, given.development), name="none")[0] for place in range(5)]
     summary = {
         "benchmark": "diagnosis",
         "seeds": "development" if given.development else "test",
-        **summarise(lines, limits(designs, STRENGTHS)),
+        **summarise(lines, limits(designs, STRENGTHS), removed_limits(quiet, TESTABLE, UNKNOWN_STRENGTHS)),
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }
     given.out.with_suffix(".json").write_text(json.dumps(summary, indent=2) + "\n")

@@ -8,6 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from inverse.diagnosis.decision import SET_LEVEL, UNEXPLAINED_LEVEL
+
 PAGE, PICTURE = "operating_characteristic.md", "operating_characteristic.png"
 _KINDS = {
     "bump": "bump at one frequency",
@@ -23,6 +25,9 @@ _WORDS = {
     "named": "named",
     "adequate": "not found",
 }
+
+_UNKNOWN = "detected, noise unknown"
+_KNOWN_OR_NOT = ("noise known", "noise unknown")
 
 Rate = dict[str, float]
 
@@ -51,6 +56,8 @@ def figure(summary: dict[str, Any]) -> Figure:
     if nothing:
         _points(power, [0.0], [nothing], "C0", None)
     power.plot(x, [known[d]["limit"]["detected"] for d in strengths], "C0--", label="limit, noise known")
+    if all(_UNKNOWN in known[d]["limit"] for d in strengths):
+        power.plot(x, [known[d]["limit"][_UNKNOWN] for d in strengths], "C0:", label="limit, noise unknown")
     power.axhline(0.05, color="0.6", lw=0.8)
     power.text(6.2, 0.065, "level 5 %", ha="right", va="bottom", color="0.4", fontsize=9)
     power.set(title="Is anything wrong?", ylabel="share of data sets", xlim=(-0.3, 6.4), ylim=(0.0, 1.03))
@@ -109,8 +116,9 @@ def _fates(axis: Axes, summary: dict[str, Any]) -> None:
         axis.barh([name for name, _ in rows], width, left=left, color=colour, label=_WORDS[verdict], height=0.6)
         left += width
     axis.invert_yaxis()
-    axis.set(title="Effects without a name", xlabel="of 100 data sets", xlim=(0.0, 100.0))
-    axis.legend(loc="upper center", bbox_to_anchor=(0.4, -0.17), ncols=4, frameon=False, fontsize=9, columnspacing=1.0)
+    axis.set(title="Effects without a name", xlim=(0.0, 100.0))
+    axis.set_xlabel("of 100 data sets", labelpad=22)
+    axis.legend(loc="upper center", bbox_to_anchor=(0.4, -0.07), ncols=4, frameon=False, fontsize=9, columnspacing=1.0)
 
 
 def page(summary: dict[str, Any]) -> str:
@@ -122,8 +130,10 @@ def page(summary: dict[str, Any]) -> str:
             f"Made by `python -m benchmarks.diagnosis --docs docs` from {summary['data sets']} data sets of "
             f"`tests/blind` ({summary['seeds']} seeds): five temperatures, fourteen frequencies, complex modulus, 2 % "
             "noise, one hidden effect. d' is the length of the effect after everything that the fitted constants can "
-            "imitate is taken off, in standard deviations of the noise. The limit is what the largest projection gives "
-            "if noise and directions were known. ± is one standard error.",
+            "imitate is taken off, in standard deviations of the noise. ± is one standard error. The limit is what the "
+            "largest projection gives if noise and directions were known; the second one what the likelihood ratio "
+            "gives to somebody who knows the directions, and of the noise only the family that it is from, as the "
+            "diagnosis does.",
             "",
             f"![Power, attribution and false alarms]({PICTURE})",
             "",
@@ -131,10 +141,12 @@ def page(summary: dict[str, Any]) -> str:
             *_known(summary),
             *_nothing(summary),
             *_strange(summary),
+            *_left(summary["removed limit"]),
             "What these rates rest on, and their limits:",
             "",
-            "- A true cause is called `unexplained` with the probability of that test's level, 4 %. Causes that are "
-            "not ruled out at 1 % are reported then, too, as `possible`; with them a true cause is kept.",
+            f"- A true cause is called `unexplained` with the probability of that test's level at most, "
+            f"{100.0 * UNEXPLAINED_LEVEL:g} %. Causes that are not ruled out at {100.0 * SET_LEVEL:g} % are reported "
+            "then, too, as `possible`; with them a true cause is kept.",
             "- An effect in no list that resembles a cause is named as that cause until what is left of it shows by "
             "itself. Of an effect at d' = 5 with a cosine of 0.7 to some cause, 3.6 are left: no test that spares true "
             "causes in 95 of 100 cases sees that reliably among all forms that an unknown effect may take.",
@@ -151,12 +163,12 @@ def _words(one: Rate, factor: float = 100.0) -> str:
 def _asked(summary: dict[str, Any]) -> list[str]:
     """Every number that was asked for, beside the measured one."""
     rows = [
-        "| asked for | measured [%] | limit [%] | data sets | met |",
-        "| --- | ---: | ---: | ---: | --- |",
+        "| asked for | measured [%] | limit [%] | limit, noise unknown [%] | data sets | met |",
+        "| --- | ---: | ---: | ---: | ---: | --- |",
     ]
 
-    def add(what: str, one: Rate, met: Callable[[float], bool], limit: float | None = None) -> None:
-        known = "" if limit is None else f"{100.0 * limit:.1f}"
+    def add(what: str, one: Rate, met: Callable[[float], bool], limits: Sequence[float | None] = (None, None)) -> None:
+        known = " | ".join("" if limit is None else f"{100.0 * limit:.1f}" for limit in limits)
         verdict = "yes" if met(100.0 * one["rate"]) else "no"
         rows.append(f"| {what} | {_words(one)} | {known} | {one['sets']} | {verdict} |")
 
@@ -166,10 +178,11 @@ def _asked(summary: dict[str, Any]) -> list[str]:
         known = summary["all known"][d]
         limit = known["limit"]
         least = min(detected, 100.0 * limit["detected"] - 3.0)
-        add(f"d' = {d}: detected, at least {detected:g}", known["detected"], least.__le__, limit["detected"])
+        both = [(limit[key], limit.get(f"{key}, noise unknown")) for key in ("detected", "first")]
+        add(f"d' = {d}: detected, at least {detected:g}", known["detected"], least.__le__, both[0])
         least = min(first, 100.0 * limit["first"] - 3.0)
         what = f"d' = {d}: right cause first, at least {first:g}, or 3 below the limit"
-        add(what, known["first"], least.__le__, limit["first"])
+        add(what, known["first"], least.__le__, both[1])
     if "4.5" in summary["all known"]:
         known = summary["all known"]["4.5"]
         add("d' = 4.5: right cause not ruled out, at least 99", known["possible, if detected"], (99.0).__le__)
@@ -183,8 +196,12 @@ def _asked(summary: dict[str, Any]) -> list[str]:
             ("9", "named", "wrongly named, at most 5", (5.0).__ge__),
             ("5", "named", "wrongly named, at most 10", (10.0).__ge__),
         ):
-            if d in summary[part]:
-                add(f"{what}, d' = {d}: {word}", summary[part][d]["all"][verdict], met)
+            if d not in summary[part]:
+                continue
+            seen = list(summary["removed limit"].get(d, {}).values()) if part == "removed" else []
+            found = verdict == "unexplained" and seen
+            limits = [float(np.mean([one[key] for one in seen])) if found else None for key in _KNOWN_OR_NOT]
+            add(f"{what}, d' = {d}: {word}", summary[part][d]["all"][verdict], met, limits)
     return ["## What was asked for", "", *rows, ""]
 
 
@@ -235,3 +252,31 @@ def _strange(summary: dict[str, Any]) -> list[str]:
                 lines.append(f"| {d} | {_KINDS.get(kind, kind)} | {' | '.join(cells)} | {sets} |")
         lines.append("")
     return lines
+
+
+def _left(limit: dict[str, dict[str, dict[str, Any]]]) -> list[str]:
+    """What a stand-in leaves of a missing cause."""
+    rows = [
+        f"| {d} | {name} | {one['stand-in']} | {one['left']:.1f} "
+        f"| {100.0 * one['noise known']:.0f} | {100.0 * one['noise unknown']:.0f} |"
+        for d in sorted(limit, key=float)
+        for name, one in limit[d].items()
+    ]
+    return (
+        [
+            "## What is left to see of a cause taken out of the list",
+            "",
+            "On one design, without noise: the other cause that imitates it best, refitted in full (constants, "
+            "strength and shape), and the d' that it leaves. The powers are those of somebody who looks for exactly "
+            "that rest, at the level of `unexplained`, with the noise known and unknown: more than a diagnosis knows, "
+            "so that one that looks for everything cannot reach them. Where little is left, the stand-in describes the "
+            "data, and its name is all that they allow.",
+            "",
+            "| d' | taken out | best stand-in | d' left | seen, noise known [%] | seen, noise unknown [%] |",
+            "| ---: | --- | --- | ---: | ---: | ---: |",
+            *rows,
+            "",
+        ]
+        if rows
+        else []
+    )

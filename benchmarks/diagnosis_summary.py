@@ -4,19 +4,6 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
-
-from inverse.diagnosis import DMA_CAUSES
-from inverse.diagnosis.cause import Extension, every_shape
-from inverse.diagnosis.dma_problem import DmaProblem
-from inverse.diagnosis.examination import LEAST_VISIBILITY
-from inverse.diagnosis.noise import noise_family
-from inverse.diagnosis.screening import Screen, visibility
-
-TRUE_SHAPES = {"frame-resonance": 1.6, "temperature-lag": 0.35, "second-relaxation": 0.55, "poroelastic-drainage": 0.9}
-"""What the generator has where a cause has a second parameter."""
-_DRAWN = 4000
-_LEVEL = 0.05
 
 Line = dict[str, Any]
 Rate = dict[str, float]
@@ -32,12 +19,17 @@ def rate(happened: Sequence[bool]) -> Rate:
     return {"rate": share, "error": float(error), "sets": count}
 
 
-def summarise(lines: Sequence[Line], limit: dict[str, dict[str, dict[str, float]]]) -> dict[str, Any]:
+def summarise(
+    lines: Sequence[Line],
+    limit: dict[str, dict[str, dict[str, float]]],
+    removed: dict[str, dict[str, dict[str, Any]]] | None = None,
+) -> dict[str, Any]:
     """All rates of a record.
 
     Args:
         lines: One for each data set.
         limit: From `limits`.
+        removed: From `removed_limits`.
     """
     known = _grouped((line for line in lines if line["part"] == "known"), lambda line: f"{line['d_prime']:g}")
     return {
@@ -51,63 +43,10 @@ def summarise(lines: Sequence[Line], limit: dict[str, dict[str, dict[str, float]
             for noise, part in _grouped((ln for ln in lines if ln["part"] == "null"), lambda ln: ln["noise"]).items()
         },
         **{part: _strange([line for line in lines if line["part"] == part]) for part in ("unknown", "removed")},
+        "removed limit": removed or {},
         "data sets": len(lines),
         "seconds a set": float(np.median([line["seconds"] for line in lines])) if lines else float("nan"),
     }
-
-
-def limits(designs: Sequence[DmaProblem], strengths: Sequence[float]) -> dict[str, dict[str, dict[str, float]]]:
-    """Detected and ranked first if noise and directions were known: largest projection, threshold at 5 %.
-
-    Args:
-        designs: Data sets with their fits; the limit is the mean over them.
-        strengths: d'.
-
-    Returns:
-        By d', then by cause.
-    """
-    found: dict[str, dict[str, dict[str, float]]] = {}
-    for number, problem in enumerate(designs):
-        for d_prime, name, part in _limits_of(problem, strengths, np.random.default_rng(number)):
-            into = found.setdefault(f"{d_prime:g}", {}).setdefault(name, {"detected": 0.0, "first": 0.0})
-            for key, value in part.items():
-                into[key] += value / len(designs)
-    return found
-
-
-def _limits_of(problem: DmaProblem, strengths: Sequence[float], rng: np.random.Generator):
-    fitted = problem.fitted_directions()
-    alternatives = [
-        a for a in problem.directions(every_shape(DMA_CAUSES)) if visibility(a.directions, fitted)[0] > LEAST_VISIBILITY
-    ]
-    white = Screen(fitted, alternatives, noise_family(problem.orderings(), problem.frequencies(), assumed_white=True))
-    directions = white.projected()
-    owners = np.array([alternative.name for alternative in white.alternatives])
-    signs = np.array([alternative.sign for alternative in white.alternatives])
-    noise = rng.standard_normal((fitted.shape[0], _DRAWN))
-
-    def evidence(data: Float[np.ndarray, "n batch"]) -> Float[np.ndarray, "alternative batch"]:
-        projected = directions.T @ data
-        return np.where(signs[:, None] > 0, projected, np.abs(projected))
-
-    threshold = np.quantile(evidence(noise).max(axis=0), 1.0 - _LEVEL)
-    basis = np.linalg.qr(fitted / np.linalg.norm(fitted, axis=0))[0]
-    for cause in DMA_CAUSES:
-        if cause.name not in owners:
-            continue
-        extension = Extension(cause, TRUE_SHAPES.get(cause.name, cause.shapes[0]))
-        truth = problem.directions([extension])[0].directions[:, 0]
-        truth = truth - basis @ (basis.T @ truth)
-        for d_prime in strengths:
-            seen = evidence(d_prime * (truth / np.linalg.norm(truth))[:, None] + noise)
-            yield (
-                d_prime,
-                cause.name,
-                {
-                    "detected": float(np.mean(seen.max(axis=0) > threshold)),
-                    "first": float(np.mean(owners[seen.argmax(axis=0)] == cause.name)),
-                },
-            )
 
 
 def _known(lines: Sequence[Line]) -> dict[str, Any]:
@@ -143,7 +82,8 @@ def _strange(lines: Sequence[Line]) -> dict[str, Any]:
 
 def _mean_limit(lines: Sequence[Line], limit: dict[str, dict[str, float]]) -> dict[str, float]:
     names = [line["name"] for line in lines]
-    return {key: float(np.mean([limit[name][key] for name in names])) for key in ("detected", "first")}
+    keys = next(iter(limit.values()), {})
+    return {key: float(np.mean([limit[name][key] for name in names])) for key in keys}
 
 
 def _name(line: Line) -> str:

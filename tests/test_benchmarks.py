@@ -103,13 +103,16 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
         *({"part": "null", "d_prime": 0.0} | line for line in (one, *[one | {"verdict": "adequate"}] * 3)),
         *({"part": part, "d_prime": d} | other for part in ("unknown", "removed") for d in (5.0, 9.0)),
     ]
-    limit = {f"{d:g}": {"slip": {"detected": 0.97, "first": 0.8}} for d in (4.5, 6.0)}
-    summary = {"seeds": "test", **summarise(lines, limit)}
+    of_slip = {"detected": 0.97, "first": 0.8, "detected, noise unknown": 0.94, "first, noise unknown": 0.79}
+    limit = {f"{d:g}": {"slip": of_slip} for d in (4.5, 6.0)}
+    left = {"stand-in": "sweep-drift", "left": 4.0, "noise known": 0.99, "noise unknown": 0.9}
+    summary = {"seeds": "test", **summarise(lines, limit, {"9": {"slip": left}})}
     assert summary["all known"]["4.5"]["unexplained, if detected"]["rate"] == 0.25
     write_docs(summary, tmp_path)
     page = (tmp_path / PAGE).read_text()
-    assert "| d' = 4.5: detected, at least 93 | 100.0" in page and "| 97.0 | 4 | yes |" in page
+    assert "| d' = 4.5: detected, at least 93 | 100.0" in page and "| 97.0 | 94.0 | 4 | yes |" in page
     assert "called unexplained, at most 5 | 25.0" in page and "| 4 | no |" in page
+    assert "| 9 | slip | sweep-drift | 4.0 | 99 | 90 |" in page
     assert (tmp_path / PICTURE).stat().st_size > 10_000
 
 

@@ -1,7 +1,6 @@
 """`arfjax diagnose`: what the simulation gets wrong, by name, and what mending it is worth."""
 
 import enum
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -10,12 +9,9 @@ import typer
 
 from arfjax import InputError
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.diagnosis_report import as_json, report
-from inverse.commands.output import output_directory, sha256, write_figures, write_summary
-from inverse.datasets.dma import read_dma
-from inverse.diagnosis import DMA_CAUSES, Diagnosis, DmaCause, diagnose_dma
-from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
-from inverse.figures import diagnosis_figure
+from inverse.commands.output import output_directory, sha256, write_summary
+from inverse.diagnosis import DMA_CAUSES, Diagnosis
+from inverse.diagnosis.diagnose import diagnose, find_causes
 
 
 class NullModel(enum.StrEnum):
@@ -23,9 +19,6 @@ class NullModel(enum.StrEnum):
 
     FRACTIONAL = "fractional"
     ZENER = "zener"
-
-
-_MODELS = {NullModel.FRACTIONAL: FRACTIONAL, NullModel.ZENER: CONVENTIONAL}
 
 
 def diagnose_command(
@@ -46,18 +39,23 @@ def diagnose_command(
     Writes diagnosis.json, report.md, a figure (PNG and PDF) and summary.json into the folder `out`.
     """
     jax.config.update("jax_enable_x64", True)
-    library = _library(causes)
-    data = read_dma(dma, trust_units=trust_units)
+    wanted = [name.strip() for name in causes.split(",") if name.strip()]
+    library = find_causes(wanted or DMA_CAUSES)
     with output_directory(out) as folder:
         with working("fitting") as show:
             try:
-                found = diagnose_dma(data, model=_MODELS[model], causes=library, level=level, seed=seed, on_step=show)
+                found = diagnose(
+                    dma,
+                    model=model.value,
+                    causes=library,
+                    level=level,
+                    seed=seed,
+                    trust_units=trust_units,
+                    on_step=show,
+                )
             except ValueError as error:
-                raise InputError(f"{dma}: {error}") from None
-        text = json.dumps(as_json(found), indent=2, ensure_ascii=False, allow_nan=False)
-        (folder / "diagnosis.json").write_text(text + "\n", encoding="utf-8")
-        figures = write_figures(folder, {"diagnosis": diagnosis_figure(found)})
-        (folder / "report.md").write_text(report(found, dma.name, figures), encoding="utf-8")
+                raise (error if isinstance(error, InputError) else InputError(f"{dma}: {error}")) from None
+        found.write(folder)
         write_summary(
             folder,
             command="diagnose",
@@ -66,17 +64,7 @@ def diagnose_command(
             settings={"model": model.value, "causes": [c.name for c in library], "level": level},
             results={"verdict": found.verdict, "diagnosis_sha256": sha256(folder / "diagnosis.json")},
         )
-    _show(found, out)
-
-
-def _library(names: str) -> tuple[DmaCause, ...]:
-    """The causes of these names."""
-    wanted = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
-    known = {cause.name: cause for cause in DMA_CAUSES}
-    for name in wanted:
-        if name not in known:
-            raise InputError(f"--causes: there is no cause '{name}'; there are {', '.join(known)}.")
-    return tuple(known[name] for name in wanted) if wanted else DMA_CAUSES
+    _show(found.details, out)
 
 
 def _show(found: Diagnosis, out: Path) -> None:

@@ -5,18 +5,16 @@ import hashlib
 import json
 import math
 import os
-import platform
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import jax
 from matplotlib.figure import Figure
 
-import arfjax
 from arfjax import InputError
+from inverse.software import versions as versions
 
 
 @contextlib.contextmanager
@@ -99,11 +97,6 @@ def quantity(value: float, unit: str, standard_error: float | None = None) -> di
     """A number with its unit, and its standard error if there is one, as summaries hold it."""
     stated = {"value": value, "unit": unit}
     return stated if standard_error is None else {**stated, "standard_error": standard_error}
-
-
-def versions() -> dict[str, str]:
-    """Versions of this package, JAX and Python."""
-    return {"arfjax": arfjax.__version__, "jax": jax.__version__, "python": platform.python_version()}
 
 
 def sha256(path: Path) -> str:

@@ -115,7 +115,7 @@ def examine(
     family = noise_family(problem.orderings(), problem.frequencies())
     residuals, fitted, constants = _fitted_in_its_noise(problem, family, program)
     size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
-    free_forms, places = _free_forms(problem)
+    free_forms, places = _free_forms(problem, residuals)
     seen, not_testable = _testable(problem.directions(every_shape(causes), constants), fitted, size, causes)
     by_name = {cause.name: cause for cause in causes}
 
@@ -147,14 +147,21 @@ def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: 
     return refit.residuals, refit.directions, refit.constants
 
 
-def _free_forms(problem: DmaProblem) -> tuple[list[Alternative], list[Place]]:
-    coordinates = problem.weights.shape[1]
+def _free_forms(problem: DmaProblem, residuals: Float[np.ndarray, " n"]) -> tuple[list[Alternative], list[Place]]:
+    coordinates, conditions = problem.weights.shape[1], problem.conditions
+    predicted = problem.measured - residuals.reshape(problem.weights.shape) / problem.weights
+    phase = predicted[:, 1] if problem.has_phase else np.zeros(problem.rows)
     forms, places = dma_free_forms(
         problem.frequencies(),
         np.repeat(np.asarray(problem.conditions.temperature), coordinates),
         np.repeat(np.asarray(problem.conditions.sweep), coordinates),
         np.tile(np.arange(coordinates), problem.rows),
         tuple(sweep.label for sweep in problem.sweeps),
+        np.repeat(np.exp(predicted[:, 0] + 1j * phase), coordinates),
+        (
+            np.repeat(np.asarray(conditions.time_in_sweep), coordinates),
+            np.repeat(np.asarray(conditions.exposure), coordinates),
+        ),
     )
     weights = problem.weights.ravel()[:, None]
     return [dataclasses.replace(form, directions=weights * form.directions) for form in forms], places

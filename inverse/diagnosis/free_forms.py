@@ -3,12 +3,18 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Complex, Float, Int
 
 from inverse.diagnosis.screening import Alternative
 
 SMOOTH_TERMS = (3, 7)
 """Cosines of a smooth correction along a coordinate: a coarse one has power, a fine one reach."""
+EACH_TERMS = (3, 5)
+"""Cosines of a correction that every sweep has in its own way."""
+MOST_TERMS = 60
+"""Directions of one correction beyond which it has too little power for the time that it takes."""
+TIME_TERMS = 4
+"""Cosines of a correction along time or stiffness."""
 _SAME = 1e-3
 """Relative difference below which two frequencies count as the same."""
 
@@ -32,11 +38,15 @@ def dma_free_forms(
     sweep: Int[np.ndarray, " n"],
     coordinate: Int[np.ndarray, " n"],
     labels: tuple[str, ...],
+    modulus: Complex[np.ndarray, " n"],
+    times: tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]],
 ) -> tuple[list[Alternative], list[Place]]:
-    """Free forms for dynamic mechanical analysis.
+    """Free forms for dynamic mechanical analysis: one for each place in which a model of it can be wrong.
 
-    A correction common to all sweeps, one that grows with temperature, one of a single sweep (all smooth in the
-    logarithm of frequency), and one at a single frequency of all sweeps.
+    The material: a correction common to all sweeps, one that grows with temperature, one of each sweep (all smooth in
+    the logarithm of frequency), alone and of all in their own ways, and one that follows the stiffness. The
+    instrument: a stiffness added to the sample's and a factor of it, as power series of frequency and smooth. The
+    procedure: corrections that follow time. And one at a single frequency of all sweeps.
 
     Args:
         frequency: Of each residual [Hz].
@@ -44,12 +54,19 @@ def dma_free_forms(
         sweep: Index of its sweep.
         coordinate: 0 for the magnitude, 1 for the phase.
         labels: Of the sweeps.
+        modulus: That the model predicts.
+        times: Share of the visit that had passed, and of the sample's drying.
     """
     found, places = [], []
 
     def add(name: str, words: str, directions: Float[np.ndarray, "n q"]) -> None:
         found.append(Alternative(name, directions))
         places.append(Place(name, words))
+
+    def relative(functions: Complex[np.ndarray, "n q"]) -> Float[np.ndarray, "n q2"]:
+        """Changes of the logarithm of the modulus by functions with complex coefficients."""
+        both = np.concatenate([functions, 1j * functions], axis=1)
+        return np.where((coordinate == 0)[:, None], both.real, both.imag)
 
     many = len(labels) > 1
     for terms in SMOOTH_TERMS:
@@ -60,6 +77,8 @@ def dma_free_forms(
             add(f"trend-{terms}", "growing with temperature, smoothly along frequency", slope[:, None] * smooth)
         for index, label in enumerate(labels):
             add(f"sweep-{index}-{terms}", f"in the sweep {label} alone", smooth * (sweep == index)[:, None])
+    if many:
+        _add_of_many(add, relative, frequency, sweep, coordinate, len(labels), modulus, times)
     for value in _distinct(frequency):
         at = np.abs(np.log(frequency / value)) < _SAME
         if len(np.unique(sweep[at])) < 2:
@@ -73,13 +92,38 @@ def dma_free_forms(
     return found, places
 
 
+def _add_of_many(add, relative, frequency, sweep, coordinate, count, modulus, times) -> None:
+    """Free forms that take several sweeps to tell from the material's constants."""
+    for terms in EACH_TERMS:
+        smooth = _smooth(frequency, coordinate, terms)
+        if count * smooth.shape[1] > MOST_TERMS:
+            continue
+        each = [smooth * (sweep == index)[:, None] for index in range(count)]
+        add(f"each-{terms}", "in each sweep in its own way, smoothly along frequency", np.concatenate(each, axis=1))
+    powers = np.stack([frequency / frequency.max(), (frequency / frequency.max()) ** 2], axis=-1)
+    smooth, size = cosines(np.log(frequency), 3), np.abs(modulus)
+    softness = (size.min() / modulus)[:, None]
+    add("added-power", "as a stiffness added to the sample's that grows with frequency", relative(softness * powers))
+    add("added-smooth", "as a stiffness added to the sample's, smoothly along frequency", relative(softness * smooth))
+    add("factor-power", "as a factor that grows with frequency", relative(powers + 0j))
+    stiffness = (size / size.max())[:, None]
+    add("force-smooth", "growing with the force, smoothly along frequency", relative(stiffness * smooth + 0j))
+    add("stiffness", "following the stiffness", relative(cosines(np.log(size), TIME_TERMS) + 0j))
+    add("time-in-visit", "following the time since the sweep began", relative(cosines(times[0], TIME_TERMS) + 0j))
+    add("time-of-drying", "following the time of the sample", relative(cosines(times[1], TIME_TERMS) + 0j))
+
+
+def cosines(position: Float[np.ndarray, " n"], terms: int) -> Float[np.ndarray, "n q"]:
+    """Cosines along a coordinate, from the constant one on."""
+    x = (position - position.min()) / max(np.ptp(position), 1e-300)
+    return np.cos(np.pi * np.arange(terms)[None, :] * x[:, None])
+
+
 def _smooth(
     frequency: Float[np.ndarray, " n"], coordinate: Int[np.ndarray, " n"], terms: int
 ) -> Float[np.ndarray, "n q"]:
     """Cosines along the logarithm of frequency, for each coordinate by itself."""
-    logarithm = np.log(frequency)
-    x = (logarithm - logarithm.min()) / max(np.ptp(logarithm), 1e-300)
-    waves = np.cos(np.pi * np.arange(terms)[None, :] * x[:, None])
+    waves = cosines(np.log(frequency), terms)
     parts = [waves * (coordinate == which)[:, None] for which in np.unique(coordinate)]
     return np.concatenate(parts, axis=1)
 

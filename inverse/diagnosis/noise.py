@@ -122,21 +122,18 @@ class Noise:
         return ", ".join(words)
 
 
-def noise_family(
-    orderings: Sequence[Ordering], coordinate: Float[np.ndarray, " n"], *, assumed_white: bool = False
-) -> tuple[Noise, ...]:
+def noise_family(orderings: Sequence[Ordering], coordinate: Float[np.ndarray, " n"]) -> tuple[Noise, ...]:
     """Members to choose from, white noise of one size first.
 
     Args:
         orderings: Along which neighbours may be correlated.
         coordinate: Along which the standard deviation may step, such as frequency.
-        assumed_white: Take the noise for white and of one size, whatever the data say.
     """
     flat = np.zeros(len(coordinate))
     members = []
-    for correlation in CORRELATIONS[: 1 if assumed_white else None]:
+    for correlation in CORRELATIONS:
         places = FINE_STEP_PLACES if correlation == 0.0 else STEP_PLACES
-        levels = [(flat, 1.0, math.nan), *(_steps(coordinate, places) if not assumed_white else ())]
+        levels = [(flat, 1.0, math.nan), *_steps(coordinate, places)]
         for ordering in orderings[: 1 if correlation == 0.0 else None]:
             for log_deviation, step, place in levels:
                 prior = LOG_PRIOR_OF_STEP * (step != 1.0) + LOG_PRIOR_OF_CORRELATION * (correlation != 0.0)

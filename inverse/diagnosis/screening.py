@@ -1,10 +1,12 @@
 r"""All alternatives to a fit tested in one linearisation, fitted parameters projected out, noise unknown.
 
 For one alternative with direction $s$ (the derivative of the prediction in a cause's strength at its null value) the
-residuals $e$ and $s$ are taken into the coordinates of a noise member, the span of the fitted parameters is projected
-out, and $t = \hat s \cdot \hat e / (|\hat s| \hat\sigma)$ with the noise size $\hat\sigma$ from what the alternative
-leaves. The noise member is the one of highest restricted likelihood *with the alternative in the model*: an effect that
-is there is not mistaken for correlated noise. An alternative of several directions (a free form) has an F-statistic.
+residuals $e$ and $s$ are taken into the coordinates of a noise member, and the span of the fitted parameters is
+projected out. With $m$ data left, $S_0$ their sum of squares and $S$ what the alternative leaves of it, the likelihood
+ratio $L = \max_n l(S) - \max_n l(S_0)$ compares the best noise member with the alternative to the best without: an
+effect that is there is not mistaken for correlated noise, nor is an odd member of the family, in which something looks
+conspicuous, chosen against the data. $F = (m - q)(e^{2L/m} - 1)/q$ for an alternative of $q$ directions; of one, $t$ is
+its root with the strength's sign. In noise of one known kind these are the $F$ and $t$ of regression.
 
 Source: score tests, Rao (1948); restricted likelihood, Patterson & Thompson (1971). Cited from memory.
 """
@@ -22,6 +24,7 @@ _VISIBLE = 1e-2
 """Part of a free form's direction that must be left after projection for it to count."""
 _HIGHEST_LEVERAGE = 0.95
 _FLOOR = 1e-300
+_HIGHEST_EXPONENT = 200.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,8 +73,6 @@ class _Prepared:
     fitted: Float[np.ndarray, "n p"]
     singles: Float[np.ndarray, "n s"]
     onto: Float[np.ndarray, "k n"]
-    log_single: Float[np.ndarray, " s"]
-    log_group: Float[np.ndarray, " groups"]
     log_determinant: float
 
 
@@ -109,30 +110,29 @@ class Screen:
     def statistics(self, data: Float[np.ndarray, "n batch"]) -> Statistics:
         """Test every alternative on every column of residuals."""
         count, batch = len(self.alternatives), data.shape[1]
-        likelihood = np.full((count, batch), -np.inf)
-        statistic, noise = np.zeros((count, batch)), np.zeros((count, batch), dtype=int)
+        likelihood, noise = np.full((count, batch), -np.inf), np.zeros((count, batch), dtype=int)
+        direction = np.zeros((int(np.sum(self._single)), batch))
         null_likelihood, null_noise = np.full(batch, -np.inf), np.zeros(batch, dtype=int)
         single, several = np.flatnonzero(self._single), np.flatnonzero(~self._single)
-        parameters, rank = self._fitted.shape[1], self._ranks[:, None]
+        parameters, least = self._fitted.shape[1], np.where(self._two_sided, -np.inf, 0.0)[:, None]
         squares = _Squares(data)
         for index, prepared in enumerate(self._prepared):
             along = prepared.onto @ data
             total = squares(prepared.noise) - np.sum(along[:parameters] ** 2, axis=0)
-            without = self._likelihood(prepared, 0.0, total, 0)
+            without = self._likelihood(prepared, total)
             better = without > null_likelihood
             null_likelihood = np.where(better, without, null_likelihood)
             null_noise = np.where(better, index, null_noise)
-            one = along[parameters : parameters + len(single)]
-            rest = np.maximum(total - one**2, _FLOOR)
-            found = self._likelihood(prepared, prepared.log_single[:, None], rest, 1)
-            t = one / np.sqrt(rest / (self.freedom - 1))
-            _keep(single, found, index, t, (likelihood, noise, statistic))
+            one = np.maximum(along[parameters : parameters + len(single)], least)
+            better = _keep(single, self._likelihood(prepared, total - one**2), index, likelihood, noise)
+            direction = np.where(better, one, direction)
             if several.size:
                 inside = np.add.reduceat(along[parameters + len(single) :] ** 2, self._starts, axis=0)
-                rest = np.maximum(total - inside, _FLOOR)
-                found = self._likelihood(prepared, prepared.log_group[:, None], rest, rank)
-                f = (inside / rank) / (rest / (self.freedom - rank))
-                _keep(several, found, index, f, (likelihood, noise, statistic))
+                _keep(several, self._likelihood(prepared, total - inside), index, likelihood, noise)
+        gain = np.maximum(likelihood - null_likelihood, 0.0)
+        rank = self._rank_of_all()[:, None]
+        statistic = (self.freedom - rank) / rank * np.expm1(np.minimum(2.0 * gain / self.freedom, _HIGHEST_EXPONENT))
+        statistic[single] = np.sign(direction) * np.sqrt(statistic[single])
         return Statistics(self._log_p(statistic), statistic, noise, null_noise)
 
     def noise_evidence(
@@ -148,7 +148,7 @@ class Screen:
         first, member, kept = np.zeros(data.shape[1]), np.zeros(data.shape[1], dtype=int), np.zeros_like(data)
         for index, prepared in enumerate(self._prepared):
             left = _project_out(prepared.noise.whiten(data), prepared.fitted)
-            found = self._likelihood(prepared, 0.0, np.sum(left**2, axis=0), 0)
+            found = self._likelihood(prepared, np.sum(left**2, axis=0))
             first = found if index == 0 else first
             better = found > best
             best, member = np.where(better, found, best), np.where(better, index, member)
@@ -184,13 +184,11 @@ class Screen:
         count = int(np.sum(self._single))
         lengths = np.maximum(np.linalg.norm(left[:, :, :count], axis=1), _FLOOR)
         bases = [left[:, :, :count] / lengths[:, None, :]]
-        log_group = np.zeros((len(self.family), len(self._ranks)))
-        for group, (start, rank) in enumerate(zip(self._starts + count, self._ranks, strict=True)):
+        for start, rank in zip(self._starts + count, self._ranks, strict=True):
             columns = left[:, :, start : start + rank]
             # Columns of unit length and far from dependent: their products lose no digits that count.
             corner = np.linalg.cholesky(columns.transpose(0, 2, 1) @ columns)
             bases.append(columns @ np.linalg.inv(corner).transpose(0, 2, 1))
-            log_group[:, group] = 2.0 * np.sum(np.log(np.diagonal(corner, axis1=1, axis2=2)), axis=1)
         together = np.concatenate([fitted, *bases], axis=2)
         log_fitted = 2.0 * np.sum(np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2))), axis=1)
         return [
@@ -199,17 +197,20 @@ class Screen:
                 fitted=fitted[i],
                 singles=bases[0][i],
                 onto=np.ascontiguousarray(noise.whiten_transposed(together[i]).T),
-                log_single=2.0 * np.log(lengths[i]),
-                log_group=log_group[i],
                 log_determinant=noise.log_determinant + float(log_fitted[i]),
             )
             for i, noise in enumerate(self.family)
         ]
 
-    def _likelihood(self, prepared: _Prepared, log_directions, rest, rank):
-        """Restricted log-likelihood, the size of the noise at its best."""
-        determinants = prepared.log_determinant + log_directions
-        return prepared.noise.log_prior - 0.5 * determinants - 0.5 * (self.freedom - rank) * np.log(rest)
+    def _likelihood(self, prepared: _Prepared, rest):
+        """Restricted log-likelihood with `rest` left of the sum of squares, the size of the noise at its best."""
+        size = 0.5 * self.freedom * np.log(np.maximum(rest, _FLOOR))
+        return prepared.noise.log_prior - 0.5 * prepared.log_determinant - size
+
+    def _rank_of_all(self) -> Int[np.ndarray, " alternative"]:
+        ranks = np.ones(len(self.alternatives), dtype=int)
+        ranks[~self._single] = self._ranks
+        return ranks
 
     def _log_p(self, statistic):
         log_p = np.zeros_like(statistic)
@@ -285,10 +286,9 @@ def _project_out(columns: Float[np.ndarray, "n m"], basis: Float[np.ndarray, "n 
     return columns - basis @ (basis.T @ columns)
 
 
-def _keep(rows, found, index, statistic, into) -> None:
-    """Where this noise member is the likeliest so far, its statistic is the one that counts."""
-    likelihood, noise, kept = into
+def _keep(rows, found, index, likelihood, noise):
+    """Take over this noise member where it is the likeliest so far, and say where."""
     better = found > likelihood[rows]
     likelihood[rows] = np.where(better, found, likelihood[rows])
     noise[rows] = np.where(better, index, noise[rows])
-    kept[rows] = np.where(better, statistic, kept[rows])
+    return better

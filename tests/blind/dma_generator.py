@@ -170,8 +170,10 @@ UNKNOWN = {"bump": _bump, "smooth": _smooth, "mains": _mains, "one-temperature":
 
 
 def draw_noise(kind: str, m: Measurement, rng: np.random.Generator) -> np.ndarray:
-    """Complex noise of the logarithm of the modulus, of standard deviation 1 in each part (but for `loud`)."""
+    """Complex noise of the logarithm of the modulus, of standard deviation 1 in each part (but for `loud`, `none`)."""
     shape = (*m.clock.shape, 2)
+    if kind == "none":
+        return np.zeros(m.clock.shape, dtype=complex)
     if kind == "tails":
         parts = rng.standard_t(4, shape) / np.sqrt(2.0)
     elif kind.startswith("correlated"):

@@ -1,14 +1,10 @@
 """Partial slip of the sample in its grip."""
 
-import math
-
 import jax.numpy as jnp
 from jaxtyping import Array, Complex
 
 from inverse.diagnosis.cause import DmaCause, DmaState, Strength
-
-HYSTERESIS = 4.0 / (3.0 * math.pi)
-"""Loss over the stiffness that friction takes away, on the branches of a parabolic loop."""
+from inverse.diagnosis.causes.friction import HYSTERESIS
 
 
 class Slip(DmaCause):

@@ -3,13 +3,17 @@
 import csv
 import json
 
+import numpy as np
 import pytest
 
 from inverse.commands.main import run
+from inverse.datasets.dma import group_sweeps, read_dma
 from inverse.datasets.shipped import shipped
 from tests.blind import dma_generator as blind
 
 KEYS = "verdict level omnibus causes named confusable not_testable gain seed versions schema_version".split()
+SLOWEST = 900
+"""Seconds that the polymer may take: 63 constants refitted with every cause and pair of causes."""
 CAUSE_KEYS = "name place p_value statistic estimate interval unit detectability status".split()
 
 
@@ -26,14 +30,45 @@ def found(polymer):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(SLOWEST)
 def test_conventional_solid_on_a_real_polymer_lacks_power_law_relaxation(found):
     assert found["named"] == ["power-law-relaxation"] and found["causes"][0]["name"] == "power-law-relaxation"
     # Not all: what is left is said without a name.
     assert found["verdict"] == "unexplained" and "Hz" in found["unexplained"]
-    assert found["gain"]["rmse_after"] < found["gain"]["rmse_before"] / 5.0
+    # At temperatures that told nothing of its strength.
+    assert found["gain"]["rmse_after"] < found["gain"]["rmse_before"] / 4.0
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(SLOWEST)
+def test_temperatures_are_left_out_where_there_are_enough(found):
+    assert "21 temperatures in 5 blocks of neighbours, each left out in turn" in found["gain"]["split"]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(SLOWEST)
+def test_constants_of_one_frequency_do_not_predict_the_sweep_and_the_reason_is_named(found):
+    """The recipe of the NIST foam (`test_published.py`): a Maxwell element through the modulus at one frequency.
+
+    On the polymer it is right there and wrong by more than ten times the fitted solid's error over the sweep, whatever
+    the frequency; what a relaxation of one time lacks has a name.
+    """
+    errors = []
+    for sweep in group_sweeps(read_dma(shipped("pyvisco_polymer"))):
+        omega = 2.0 * np.pi * sweep.data.frequency_hz
+        modulus = np.asarray(sweep.data.storage_modulus) + 1j * np.asarray(sweep.data.loss_modulus)
+        middle = len(omega) // 2
+        time = modulus[middle].real / (omega[middle] * modulus[middle].imag)
+        branch = abs(modulus[middle]) ** 2 / modulus[middle].real
+        predicted = branch * 1j * omega * time / (1.0 + 1j * omega * time)
+        np.testing.assert_allclose(predicted[middle], modulus[middle], rtol=1e-9)
+        errors.append(np.sqrt(np.mean(np.abs(np.log(predicted / modulus)) ** 2)))
+    assert np.median(errors) > 0.3 and np.median(errors) > 10.0 * found["gain"]["rmse_after"]
+    assert found["verdict"] != "adequate" and found["named"] == ["power-law-relaxation"]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(SLOWEST)
 def test_keys_of_the_interface(found):
     assert set(KEYS) <= set(found) and found["schema_version"] == 1
     assert all(set(CAUSE_KEYS) <= set(cause) for cause in found["causes"])
@@ -43,6 +78,7 @@ def test_keys_of_the_interface(found):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(SLOWEST)
 def test_report_and_figure(polymer):
     report = (polymer / "report.md").read_text()
     assert "power-law-relaxation" in report and "A gain proves no cause" in report

@@ -50,9 +50,5 @@ def test_first_member_is_white_and_costs_nothing(family):
     assert "times larger above" in " ".join(n.describe() for n in family)
 
 
-def test_assumed_white():
-    assert len(noise_family([series("frequency", KEYS, POSITIONS)], COORDINATE, assumed_white=True)) == 1
-
-
 def test_neighbours_are_within_a_series_and_in_order():
     np.testing.assert_array_equal(series("frequency", KEYS, POSITIONS).previous, [2, -1, 1, 0, 5, -1])

@@ -12,7 +12,7 @@ CAUSE = RNG.standard_normal((N, 1))
 GROUP = RNG.standard_normal((N, 3))
 POSITION = np.arange(N, dtype=float)
 ORDER = series("time", [0] * N, POSITION)
-WHITE = noise_family([ORDER], POSITION, assumed_white=True)
+WHITE = noise_family([ORDER], POSITION)[:1]
 FULL = noise_family([ORDER], POSITION + 1.0)
 
 
@@ -26,19 +26,20 @@ def regression_t(data, columns):
 
 def test_white_noise_gives_the_t_and_f_of_regression():
     data = RNG.standard_normal(N)
-    screen = Screen(
-        FITTED, [Alternative("one", CAUSE), Alternative("up", CAUSE, 1), Alternative("three", GROUP)], WHITE
-    )
+    alternatives = [Alternative("one", CAUSE), Alternative("up", CAUSE, 1), Alternative("down", -CAUSE, 1)]
+    screen = Screen(FITTED, [*alternatives, Alternative("three", GROUP)], WHITE)
     found = screen.statistics(data[:, None])
     t = regression_t(data, np.concatenate([FITTED, CAUSE], axis=1))
-    np.testing.assert_allclose(found.statistic[:2, 0], t, rtol=1e-10)
+    # A strength that cannot be negative stays 0 where it would have to be.
+    np.testing.assert_allclose(found.statistic[:3, 0], [t, max(t, 0.0), max(-t, 0.0)], rtol=1e-10)
     np.testing.assert_allclose(np.exp(found.log_p[0, 0]), 2.0 * stats.t.sf(abs(t), N - 5), rtol=1e-10)
-    np.testing.assert_allclose(np.exp(found.log_p[1, 0]), stats.t.sf(t, N - 5), rtol=1e-10)
+    up, down = (np.exp(found.log_p[row, 0]) for row in (1, 2))
+    np.testing.assert_allclose([up, down], stats.t.sf([max(t, 0.0), max(-t, 0.0)], N - 5), rtol=1e-10)
     before = np.linalg.lstsq(FITTED, data, rcond=None)[1][0]
     after = np.linalg.lstsq(np.concatenate([FITTED, GROUP], axis=1), data, rcond=None)[1][0]
     f = (before - after) / 3.0 / (after / (N - 7))
-    np.testing.assert_allclose(found.statistic[2, 0], f, rtol=1e-10)
-    np.testing.assert_allclose(np.exp(found.log_p[2, 0]), stats.f.sf(f, 3, N - 7), rtol=1e-10)
+    np.testing.assert_allclose(found.statistic[3, 0], f, rtol=1e-10)
+    np.testing.assert_allclose(np.exp(found.log_p[3, 0]), stats.f.sf(f, 3, N - 7), rtol=1e-10)
 
 
 def test_scale_of_data_and_of_directions_does_not_matter():

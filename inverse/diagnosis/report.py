@@ -3,8 +3,10 @@
 import math
 from typing import Any
 
-from inverse.commands.output import versions
-from inverse.diagnosis import CauseReport, Diagnosis, describe_correction
+from inverse.diagnosis.decision import SET_LEVEL, UNEXPLAINED_LEVEL
+from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
+from inverse.diagnosis.where import describe_correction
+from inverse.software import versions
 
 SCHEMA_VERSION = 1
 """Of diagnosis.json; keys do not change without a new number."""
@@ -153,8 +155,9 @@ def _table(found: Diagnosis) -> list[str]:
         *lines,
         "",
         "p is for the whole family of causes and free forms, p alone for this cause by itself. A cause is ruled out if "
-        "what it leaves is conspicuous, and possible if that is unlikely (p below 0.04) but not out of the question "
-        '(0.01). "Would be seen from" is the strength found in about 96 of 100 such data sets.',
+        f"what it leaves is conspicuous, and possible if that is unlikely (p below {UNEXPLAINED_LEVEL:g}) but not out "
+        f'of the question ({SET_LEVEL:g}). "Would be seen from" is the strength found in about 96 of 100 such data '
+        "sets.",
         "",
     ]
 

@@ -1,0 +1,143 @@
+"""What theory allows: the best that any diagnosis could do on the same designs, linearised about the fit."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+
+from inverse.diagnosis import DMA_CAUSES
+from inverse.diagnosis.cause import Extension, every_shape
+from inverse.diagnosis.decision import UNEXPLAINED_LEVEL
+from inverse.diagnosis.dma_problem import DmaProblem
+from inverse.diagnosis.examination import LEAST_VISIBILITY
+from inverse.diagnosis.extended_fit import fit_extended
+from inverse.diagnosis.noise import Noise, noise_family
+from inverse.diagnosis.screening import Alternative, Screen, unit_columns, visibility
+
+TRUE_SHAPES = {"frame-resonance": 1.6, "temperature-lag": 0.35, "second-relaxation": 0.55, "poroelastic-drainage": 0.9}
+"""What the generator has where a cause has a second parameter."""
+_DRAWN, _DRAWN_UNKNOWN = 4000, 1000
+_LEVEL = 0.05
+_STAND_INS = 4
+"""Causes and shapes, nearest first, that are refitted in the place of a missing one."""
+
+Limits = dict[str, dict[str, dict[str, Any]]]
+
+
+def limits(designs: Sequence[DmaProblem], strengths: Sequence[float]) -> Limits:
+    """Detected and ranked first: by the largest projection with the noise known, by likelihood ratio with it unknown.
+
+    Args:
+        designs: Data sets with their fits; the limit is the mean over them.
+        strengths: d'.
+
+    Returns:
+        By d', then by cause.
+    """
+    found: Limits = {}
+    for number, problem in enumerate(designs):
+        family = noise_family(problem.orderings(), problem.frequencies())
+        for members, ending, drawn in ((family[:1], "", _DRAWN), (family, ", noise unknown", _DRAWN_UNKNOWN)):
+            for d_prime, name, part in _limits_of(problem, strengths, members, drawn, number):
+                into = found.setdefault(f"{d_prime:g}", {}).setdefault(name, {})
+                for key, value in part.items():
+                    into[key + ending] = into.get(key + ending, 0.0) + value / len(designs)
+    return found
+
+
+def _limits_of(problem: DmaProblem, strengths: Sequence[float], family: Sequence[Noise], drawn: int, seed: int):
+    rng, fitted = np.random.default_rng(seed), problem.fitted_directions()
+    alternatives = [
+        a for a in problem.directions(every_shape(DMA_CAUSES)) if visibility(a.directions, fitted)[0] > LEAST_VISIBILITY
+    ]
+    screen = Screen(fitted, alternatives, family)
+    owners = np.array([alternative.name for alternative in screen.alternatives])
+    noise = rng.standard_normal((fitted.shape[0], drawn))
+    evidence = _projections(screen) if len(family) == 1 else lambda data: -screen.statistics(data).log_p
+    threshold = np.quantile(evidence(noise).max(axis=0), 1.0 - _LEVEL)
+    basis = np.linalg.qr(unit_columns(fitted))[0]
+    for cause in DMA_CAUSES:
+        if cause.name not in owners:
+            continue
+        extension = Extension(cause, TRUE_SHAPES.get(cause.name, cause.shapes[0]))
+        truth = problem.directions([extension])[0].directions
+        truth = unit_columns(truth - basis @ (basis.T @ truth))
+        for d_prime in strengths:
+            seen = evidence(d_prime * truth + noise)
+            detected, first = seen.max(axis=0) > threshold, owners[seen.argmax(axis=0)] == cause.name
+            yield d_prime, cause.name, {"detected": float(np.mean(detected)), "first": float(np.mean(first))}
+
+
+def _projections(screen: Screen) -> Callable[[Float[np.ndarray, "n batch"]], Float[np.ndarray, "alternative batch"]]:
+    """Projections on all directions, in noise standard deviations; those of the wrong sign count as they are."""
+    directions = screen.projected()
+    one_sided = np.array([alternative.sign > 0 for alternative in screen.alternatives])[:, None]
+
+    def evidence(data):
+        projected = directions.T @ data
+        return np.where(one_sided, projected, np.abs(projected))
+
+    return evidence
+
+
+def removed_limits(
+    quiet: Callable[[str, float], tuple[DmaProblem, float]], names: Sequence[str], strengths: Sequence[float]
+) -> Limits:
+    """What the best stand-in leaves of a cause that is not in the library, and who could see that.
+
+    Args:
+        quiet: Data with a hidden effect of a d' without noise, fitted; and the size that the noise would have.
+        names: Causes to take out.
+        strengths: d'.
+
+    Returns:
+        By d', then by cause: the stand-in, the d' that it leaves, and the power of the best test of that one direction,
+        at the level of `unexplained`, with the noise known and unknown.
+    """
+    found: Limits = {}
+    for d_prime in strengths:
+        for name in names:
+            problem, size = quiet(name, d_prime)
+            refit = min(_stand_ins(problem, name), key=lambda one: one.misfit)
+            left = refit.residuals / size
+            length = float(np.linalg.norm(left))
+            known = float(stats.norm.cdf(length - stats.norm.isf(UNEXPLAINED_LEVEL)))
+            found.setdefault(f"{d_prime:g}", {})[name] = {
+                "stand-in": refit.extensions[0].cause.name,
+                "left": length,
+                "noise known": known,
+                "noise unknown": _power(problem, refit.directions, left),
+            }
+    return found
+
+
+def _stand_ins(problem: DmaProblem, name: str):
+    """The nearest other causes, refitted in full."""
+    fitted, residuals = problem.fitted_directions(), problem.residuals()
+    basis = np.linalg.qr(unit_columns(fitted))[0]
+    extensions = every_shape(cause for cause in DMA_CAUSES if cause.name != name)
+    near = []
+    for extension, alternative in zip(extensions, problem.directions(extensions), strict=True):
+        if visibility(alternative.directions, fitted)[0] <= LEAST_VISIBILITY:
+            continue
+        direction = (alternative.directions - basis @ (basis.T @ alternative.directions))[:, 0]
+        strength = float(direction @ residuals / (direction @ direction))
+        strength = max(strength, 0.0) if alternative.sign > 0 else strength
+        near.append((abs(strength) * float(np.linalg.norm(direction)), strength, extension))
+    near.sort(key=lambda one: one[0], reverse=True)
+    white = noise_family(problem.orderings(), problem.frequencies())[0]
+    for _, strength, extension in near[:_STAND_INS]:
+        yield fit_extended(problem, [extension], white, np.array([strength]), library=DMA_CAUSES, profile=False)
+
+
+def _power(problem: DmaProblem, directions: Float[np.ndarray, "n p"], left: Float[np.ndarray, " n"]) -> float:
+    """Of the test that knows the direction of what is left, and not the noise."""
+    family = noise_family(problem.orderings(), problem.frequencies())
+    screen = Screen(directions, [Alternative("left", left[:, None], 1)], family)
+    if not screen.alternatives:
+        return UNEXPLAINED_LEVEL
+    noise = np.random.default_rng(0).standard_normal((len(left), _DRAWN_UNKNOWN))
+    threshold = np.quantile(screen.statistics(noise).log_p[0], UNEXPLAINED_LEVEL)
+    return float(np.mean(screen.statistics(left[:, None] + noise).log_p[0] <= threshold))

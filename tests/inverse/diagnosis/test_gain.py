@@ -1,0 +1,74 @@
+"""What is left out for the gain, and what a score is worth."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from inverse.datasets.dma import read_dma
+from inverse.diagnosis import DMA_CAUSES
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.dma_problem import dma_problem
+from inverse.diagnosis.gain import _folds, held_out_gain, temperature_groups
+from inverse.diagnosis.noise import noise_family
+from inverse.dma_fit import FRACTIONAL
+from tests.blind import dma_generator as blind
+
+DRIFT = next(cause for cause in DMA_CAUSES if cause.name == "sweep-drift")
+
+
+def measured(folder, **hidden):
+    blind.write(folder / "data.csv", folder / "key.json", **hidden)
+    return read_dma(folder / "data.csv")
+
+
+@pytest.fixture(scope="module")
+def drifting(tmp_path_factory):
+    data = measured(tmp_path_factory.mktemp("drift"), seed=311, name="sweep-drift", d_prime=12.0)
+    return dma_problem(data, FRACTIONAL)[0]
+
+
+def white(problem):
+    return noise_family(problem.orderings(), problem.frequencies())[0]
+
+
+def test_each_temperature_is_left_out_in_turn(drifting):
+    folds, split = _folds(drifting, 1)
+    temperature = temperature_groups(drifting)
+    assert len(np.unique(temperature)) == 5 and "5 temperatures" in split
+    scored = sum(fold.scored.astype(int) for fold in folds)
+    np.testing.assert_array_equal(scored, 1)
+    for fold in folds:
+        assert len(np.unique(temperature[fold.scored])) == 1
+        # Neither the strength nor the constants have seen what is scored, nor the strength anything of its temperature.
+        assert not np.any(fold.scored & (fold.strength | fold.constants))
+        assert not np.any(fold.strength & (temperature == temperature[fold.scored][0]))
+
+
+def test_gain_of_the_hidden_cause_and_none_of_one_that_is_not_there(drifting):
+    """The strength told by four temperatures predicts the fifth down to the noise."""
+    gain = held_out_gain(drifting, (Extension(DRIFT, 0.0),), white(drifting), np.array([0.05]), library=(DRIFT,))
+    assert gain is not None and gain.log_score_gain > 0.0 and gain.unfinished == 0
+    assert gain.rmse_after < gain.rmse_before
+    assert gain.rmse_after == pytest.approx(blind.NOISE, rel=0.6)
+
+
+def test_frequencies_are_left_out_where_temperatures_are_few(tmp_path):
+    data = measured(tmp_path, seed=312, name="sweep-drift", d_prime=12.0)
+    few = data.select(np.flatnonzero(data.temperature_c < 60.0))
+    problem = dma_problem(few, FRACTIONAL)[0]
+    folds, split = _folds(problem, 1)
+    assert "left out of all sweeps" in split
+    assert all(np.array_equal(fold.strength, fold.constants) for fold in folds)
+    gain = held_out_gain(problem, (Extension(DRIFT, 0.0),), white(problem), np.array([0.05]), library=(DRIFT,))
+    assert gain is not None and np.isfinite(gain.log_score_gain)
+
+
+def test_samples_at_about_the_same_temperature_are_left_out_together(drifting):
+    shifted = tuple(
+        dataclasses.replace(sweep, temperature_c=sweep.temperature_c + 0.3 * (index % 2))
+        for index, sweep in enumerate((drifting.sweeps[0], drifting.sweeps[0], *drifting.sweeps[2:]))
+    )
+    groups = temperature_groups(dataclasses.replace(drifting, sweeps=shifted))
+    sweep = np.asarray(drifting.conditions.sweep)
+    assert np.all(groups[sweep == 0][0] == groups[sweep == 1]) and len(np.unique(groups)) == 4
