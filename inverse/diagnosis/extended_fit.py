@@ -263,7 +263,7 @@ class Refit:
             x_scale="jac",
             ftol=tolerance,
             xtol=1e-8,
-            max_nfev=200,
+            max_nfev=_MOST_EVALUATIONS,
         )
         unknowns = first.copy()
         unknowns[moved] = solution.x
@@ -292,6 +292,8 @@ class Refit:
         return np.array([min(ends), max(ends)])
 
 
+_MOST_EVALUATIONS = 1000
+"""Of a refit: constants that the data hardly tell apart are found along a valley, in many small steps."""
 _ROUGH = 1e-6
 """Relative change of the sum of squares at which one of several starts is left, to go on from the best."""
 _SMALL = 1e-3
