@@ -21,7 +21,7 @@ from inverse.figures.ranks import draw_ranks
 from inverse.sampling.rank_calibration import RankCalibration, by_importance, by_nuts, calibrate_ranks
 
 SEED = 20_000
-CASES = {"dma": (dma_case, 400, by_nuts()), "hmi": (hmi_case, 200, by_importance())}
+CASES = {"dma": (dma_case, 400, by_nuts()), "hmi": (hmi_case, 100, by_importance())}
 _TITLES = {"dma": "A sweep of DMA", "hmi": "The chain of an HMI curve"}
 _ABOUT = {
     "dma": "The frequencies of a real sweep of a polymer, five constants, NUTS.",

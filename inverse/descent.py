@@ -24,7 +24,9 @@ _BFGS_STEPS = 300
 _FIRST_STEP, _STEP = 1e-4, 1e-2
 """Steps of differences: of the variable, and in units of its spread."""
 _NOWHERE = 1e10
-"""Value where there is none, from which a line search turns back."""
+"""Value where there is none, from which a line search turns back; ten times that at the start if this is higher."""
+_SADDLE = -1e-6
+"""Least curvature, over the largest, of what counts as a minimum."""
 _NEWTON_STEPS = 50
 
 
@@ -104,8 +106,9 @@ def expand(
 def _difference(
     gradient: Gradient, point: Float[np.ndarray, " n"], width: Float[np.ndarray, " n"], change: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
-    above, below = (gradient(point + sign * width * change)[1] for sign in (1.0, -1.0))
-    return 0.5 * width * (above - below)
+    (up, above), (down, below) = (gradient(point + sign * width * change) for sign in (1.0, -1.0))
+    # Outside of its domain a function may have a gradient, of nothing.
+    return 0.5 * width * (above - below) if np.isfinite(up + down) else np.full(len(point), np.nan)
 
 
 def whitening(curvature: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
@@ -128,11 +131,13 @@ def descend(
             if not given.
     """
     axes = whitening(expand(gradient, start).curvature) if factor is None else factor
+    begun = gradient(start)[0]
+    nowhere = max(_NOWHERE, 10.0 * abs(begun)) if np.isfinite(begun) else _NOWHERE
 
     def cost(z: Float[np.ndarray, " n"]) -> tuple[float, Float[np.ndarray, " n"]]:
         value, slope = gradient(start + axes @ z)
         if not (np.isfinite(value) and np.all(np.isfinite(slope))):
-            return _NOWHERE, np.zeros_like(z)
+            return nowhere, np.zeros_like(z)
         return value, axes.T @ slope
 
     with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -141,7 +146,7 @@ def descend(
             cost, np.zeros_like(start), jac=True, method="BFGS", options={"maxiter": _BFGS_STEPS, "gtol": 1e-5}
         )
     value = float(found.fun)
-    sound = value < _NOWHERE
+    sound = value < nowhere
     # In these coordinates the curvature is about one.
     gain = 0.5 * float(np.sum(np.asarray(found.jac) ** 2)) if sound else np.inf
     return Descent(start + axes @ found.x, value if sound else np.inf, gain, int(found.nit))
@@ -160,6 +165,7 @@ def polish(gradient: Gradient, begun: Descent) -> Descent:
         safe = np.where(eigenvalues > 0.0, eigenvalues, np.maximum(np.abs(eigenvalues), LEAST_CURVATURE))
         gain = float(0.5 * np.sum(along**2 / safe))
         if gain < CONVERGED**2:
+            gain = gain if is_minimum(here.curvature) else np.inf
             break
         candidate = point - vectors @ (along / (safe + damping * np.max(safe)))
         there = expand(gradient, candidate)
@@ -167,7 +173,14 @@ def polish(gradient: Gradient, begun: Descent) -> Descent:
         if np.isfinite(there.value) and there.value <= here.value:
             point, here, damping = candidate, there, 0.1 * damping if damping > 1e-8 else 0.0
         elif gain < CONVERGED:
+            gain = gain if is_minimum(here.curvature) else np.inf
             break  # what is left to gain is below rounding
         else:
             damping = max(10.0 * damping, 1e-6)
     return Descent(point, here.value if np.isfinite(here.value) else np.inf, gain, steps)
+
+
+def is_minimum(curvature: Float[np.ndarray, "n n"]) -> bool:
+    """Whether a function of this curvature falls nowhere, where its gradient is zero."""
+    eigenvalues = np.linalg.eigvalsh(curvature)
+    return bool(eigenvalues[0] >= _SADDLE * max(abs(eigenvalues[-1]), LEAST_CURVATURE))

@@ -31,6 +31,8 @@ _FOCUSED_DRAWS = 60
 _FOCUSED_WIDER = 1.75
 """Standard deviations of the draws in those of the normal approximation: the box then reaches to four of these."""
 _STARTS = 3
+_EDGE = 0.97
+"""Distance from the middle, in half widths of what is covered, from which a point counts as at the edge."""
 
 FOCUSED = Effort(n_modes=100, tolerance=1e-4, n_combinations=1500, n_heat_steps=180)
 """Where the posterior is: more shapes, points and steps of heat, of which each alone would leave the others' errors."""
@@ -70,6 +72,14 @@ class HmiProblem:
     prediction: FastPrediction
     settings: Discretisation
     remark: str = ""
+
+    def near_edge(self, points: Float[np.ndarray, "point n"]) -> float:
+        """Share of unconstrained numbers, such as draws of the posterior, that lie at the edge of what is covered."""
+
+        def excess(point: jax.Array) -> jax.Array:
+            return self.prediction.fast.excess(self.problem.state_of(self.problem.values(point)).model)
+
+        return float(np.mean(np.asarray(jax.jit(lambda many: jax.lax.map(excess, many))(jnp.asarray(points))) > _EDGE))
 
     def verify(self, points: Float[np.ndarray, "point n"], *, on_step: OnStep = lambda what: None) -> Verification:
         """The fast model against the full one at unconstrained numbers, such as draws of the posterior."""

@@ -23,12 +23,14 @@ from inverse.sampling import (
     bridge_evidence,
     default_walkers,
     diagnose_draws,
+    importance_evidence,
     laplace,
     sample_ensemble,
     sample_importance,
     sample_nuts,
     walkers_from_laplace,
 )
+from inverse.sampling.target import batched_log_density
 
 
 class Sampler(enum.StrEnum):
@@ -74,7 +76,9 @@ class Study:
     def warnings(self) -> tuple[str, ...]:
         """Everything that a reader of the numbers has to know."""
         found = [finding.sentence for finding in self.audit.findings]
-        found += [] if self.laplace is None or self.laplace.converged else [self.laplace.message]
+        found += (
+            [] if self.laplace is None or self.laplace.is_sound else [f"Normal approximation: {self.laplace.message}."]
+        )
         return (*found, *(() if self.diagnostics is None else self.diagnostics.complaints))
 
 
@@ -145,7 +149,7 @@ def infer(
     weighed = None
     if evidence:
         on_step("evidence")
-        weighed = bridge_evidence(problem, drawn, seed=seed, chunk=effort.chunk)
+        weighed = _weighed(problem, drawn, sampler, seed, effort)
     return dataclasses.replace(study, draws=drawn, diagnostics=table, evidence=weighed)
 
 
@@ -175,7 +179,7 @@ def _sample(
             on_step=on_step,
         )  # fmt: skip
     if sampler is Sampler.EMCEE:
-        start = walkers_from_laplace(problem, normal, seed=seed, count=default_walkers(problem))
+        start = walkers_from_laplace(problem, normal, seed=seed, count=default_walkers(problem), chunk=effort.chunk)
         return sample_ensemble(
             problem, start, seed=seed, most_steps=effort.most_steps, file=file, chunk=effort.chunk, on_step=on_step
         )
@@ -187,15 +191,21 @@ def _sample(
     return _normal_draws(problem, normal, seed, effort)
 
 
+def _weighed(problem: Problem, drawn: Draws, sampler: Sampler, seed: int, effort: Effort) -> Evidence:
+    if sampler is Sampler.LAPLACE:
+        raise InputError("the evidence needs draws of the posterior, not of a normal density in its place.")
+    if sampler is Sampler.IMPORTANCE:
+        return importance_evidence(drawn)
+    return bridge_evidence(problem, drawn, seed=seed, chunk=effort.chunk)
+
+
 def _normal_draws(problem: Problem, normal: Laplace, seed: int, effort: Effort) -> Draws:
     """Independent draws of the normal approximation, in as many chains as NUTS would have."""
     points = normal.draw(jax.random.key(seed), effort.chains * effort.draws)
     shaped = points.reshape(effort.chains, effort.draws, -1)
-    centred = (points - normal.mode) @ np.linalg.inv(normal.factor).T
-    height = normal.log_density - 0.5 * np.sum(centred**2, axis=1)
     return Draws(
         unconstrained=shaped,
-        log_density=height.reshape(effort.chains, effort.draws),
+        log_density=batched_log_density(problem, chunk=effort.chunk)(points).reshape(effort.chains, effort.draws),
         statistics={},
         sampler="laplace",
         seed=seed,

@@ -37,6 +37,8 @@ from inverse.study import Effort, Sampler, Study, infer
 
 _MOST_SEPARATE = 4
 _VERIFIED = 6
+_LOOKED_AT = 200
+_MOST_AT_EDGE = 0.02
 _CORNER = 12
 _BATCH = 16
 
@@ -72,7 +74,7 @@ def infer_command(
 
     Without an experiment, Zener constants of sweeps; with one, the constants that its section [inference] frees.
     Writes parameters.csv, posterior.nc, figures, report.md and summary.json into the folder `out`. A run that is
-    stopped goes on where it was when the command is given again: its draws are in run.h5 there.
+    stopped goes on where it was when the command is given again (nuts and emcee): its draws are in run.h5 there.
     """
     jax.config.update("jax_enable_x64", True)
     given = {"experiment": experiment, "dma": dma, "hmi": hmi}
@@ -80,6 +82,13 @@ def infer_command(
         raise InputError("nothing to infer from: give --dma FILE, --hmi FILE or both.")
     if hmi is not None and experiment is None:
         raise InputError("HMI needs an experiment file: `arfjax infer EXPERIMENT.toml --hmi FILE --out DIR`.")
+    if evidence and sampler in (Sampler.LAPLACE, Sampler.NONE):
+        raise InputError("--evidence needs draws of the posterior: take --sampler nuts, emcee or importance.")
+    if experiment is not None and across is not Across.NONE:
+        raise InputError(
+            "--across goes with sweeps alone: with an experiment all sweeps are of the one liver in it. Leave out "
+            "the experiment, or choose a sweep by --temperature."
+        )
     sampler = sampler or (Sampler.NUTS if hmi is None else Sampler.IMPORTANCE)
     sweeps = [] if dma is None else _sweeps(dma, temperature, across, alone=experiment is None)
     effort = Effort(
@@ -97,6 +106,7 @@ def infer_command(
         checked, remark = None, "" if made is None else made.remark
         if made is not None and study.draws is not None:
             checked = made.verify(study.draws.spread_evenly(_VERIFIED), on_step=say)
+            remark = " ".join(each for each in (remark, _cut_off(made, study)) if each)
         with output_directory(out) as folder:
             say("figures")
             figures = _write_posterior(folder, study, panels, seed)
@@ -109,9 +119,9 @@ def infer_command(
                 inputs=inputs,
                 seed=seed,
                 settings={"sampler": sampler.value, "across": across.value, "draws": draws, "starts": starts},
-                results=results(study, checked),
+                results=results(study, checked, remark),
             )
-    _show(study, out)
+    _show(study, remark, out)
 
 
 def _sweeps(path: Path, temperature: float | None, across: Across, *, alone: bool) -> list[Sweep]:
@@ -155,6 +165,18 @@ def _problem(
     return made.problem, panels, made
 
 
+def _cut_off(made: HmiProblem, study: Study) -> str:
+    """A sentence if the posterior reaches the edge of what the fast model covers."""
+    assert study.draws is not None
+    share = made.near_edge(study.draws.spread_evenly(_LOOKED_AT))
+    if share <= _MOST_AT_EDGE:
+        return ""
+    return (
+        f"{100.0 * share:.2g} % of the draws lie at the edge of what the fast model covers, beyond which there is no "
+        "density: the posterior is cut off there. Narrow the priors, or fit with fewer constants."
+    )
+
+
 def _write_posterior(folder: Path, study: Study, panels: dict[str, list[Panel]], seed: int) -> list[str]:
     if study.draws is None:
         return []
@@ -168,7 +190,7 @@ def _write_posterior(folder: Path, study: Study, panels: dict[str, list[Panel]],
     return write_figures(folder, drawn)
 
 
-def _show(study: Study, out: Path) -> None:
+def _show(study: Study, remark: str, out: Path) -> None:
     header, rows = parameter_rows(study)
     show_table("constants", header, rows, left=2)
-    show_lines([*study.warnings, f"written to {out}"])
+    show_lines([*study.warnings, *([remark] if remark else []), f"written to {out}"])

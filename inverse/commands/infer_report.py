@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from inverse.commands.output import quantity
 from inverse.fast_hmi import Verification
 from inverse.study import Study
@@ -47,14 +49,14 @@ def parameter_rows(study: Study) -> tuple[tuple[str, ...], list[list[str]]]:
     ]
 
 
-def results(study: Study, checked: Verification | None) -> dict[str, Any]:
+def results(study: Study, checked: Verification | None, remark: str = "") -> dict[str, Any]:
     """What summary.json holds of the results."""
     found: dict[str, Any] = {
         "parameters": {
             str(row["parameter"]): quantity(row["estimate"], str(row["unit"]), row["standard_error"])
             for row in _rows(study)
         },
-        "warnings": list(study.warnings),
+        "warnings": [*study.warnings, *([remark] if remark else [])],
     }
     found["fit"] = {
         "converged": study.fit.converged,
@@ -62,6 +64,7 @@ def results(study: Study, checked: Verification | None) -> dict[str, Any]:
         "method": study.fit.method.value,
         "cost": quantity(study.fit.cost, "nats"),
         "condition_number": study.audit.identification.condition_number,
+        "correlation": np.round(study.fit.uncertainty.correlation, 4).tolist(),
         "audit": [{"kind": each.kind.value, "sentence": each.sentence} for each in study.audit.findings],
     }
     if study.draws is not None and study.diagnostics is not None:

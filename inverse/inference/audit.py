@@ -159,7 +159,9 @@ def _effect(fit: Fit, place: int, value: float) -> float:
     """Length of a constant's effect on the predictions, the others' effects projected out."""
     values = fit.values.copy()
     values[place] = value
-    jacobian = np.asarray(_effects(fit.problem, jnp.asarray(values)))
+    predictions, jacobian = (np.asarray(each) for each in _effects(fit.problem, jnp.asarray(values)))
+    if not np.all(np.isfinite(predictions)):
+        return float("nan")  # a model that does not cover such a value says nothing of it
     lengths = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / np.where(lengths == 0.0, 1.0, lengths)
     others = np.delete(scaled, place, axis=1)
@@ -170,11 +172,11 @@ def _effect(fit: Fit, place: int, value: float) -> float:
 
 
 @eqx.filter_jit
-def _effects(problem, values) -> Float[jax.Array, "n m"]:
+def _effects(problem, values) -> tuple[Float[jax.Array, " n"], Float[jax.Array, "n m"]]:
     def predictions(each):
         return jnp.concatenate(list(problem.predictions(each).values()))
 
-    return jax.jacfwd(predictions)(values)
+    return predictions(values), jax.jacfwd(predictions)(values)
 
 
 def _information(identification: Identification) -> list[Finding]:

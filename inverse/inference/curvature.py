@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from arfjax.errors import InputError
 from inverse.descent import expand
 from inverse.inference.compiled import cost_of_values, log_likelihood_of
 from inverse.inference.problem import Problem
@@ -20,17 +21,34 @@ _ROOM = 0.07
 
 
 def cost_curvature(problem: Problem, values: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m m"]:
-    """Hessian of the cost; NaN where it has none."""
+    """Hessian of the cost.
+
+    Raises:
+        InputError: if a long computation has no value close by.
+    """
     if not problem.is_long:
         return np.asarray(_exact_cost(problem, jnp.asarray(values)))
-    return expand(cost_of_values(problem), values, _steps(problem, values)).curvature
+    return _finite(expand(cost_of_values(problem), values, _steps(problem, values)).curvature)
 
 
 def data_curvature(problem: Problem, values: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m m"]:
-    """Hessian of minus the log likelihood; NaN where it has none."""
+    """Hessian of minus the log likelihood.
+
+    Raises:
+        InputError: if a long computation has no value close by.
+    """
     if not problem.is_long:
         return np.asarray(_exact_data(problem, jnp.asarray(values)))
-    return -expand(log_likelihood_of(problem), values, _steps(problem, values)).curvature
+    return _finite(-expand(log_likelihood_of(problem), values, _steps(problem, values)).curvature)
+
+
+def _finite(curvature: Float[np.ndarray, "m m"]) -> Float[np.ndarray, "m m"]:
+    if not np.all(np.isfinite(curvature)):
+        raise InputError(
+            "the fit lies at the edge of what the model has a value for, where no standard errors can be told: widen "
+            "what a fast model is prepared for, or narrow the priors."
+        )
+    return curvature
 
 
 def large_changes(problem: Problem, values: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:

@@ -129,6 +129,15 @@ NOISE = ParameterSection(
 )
 """Scatter of HMI data that come without deviations."""
 
+DMA_NOISE = ParameterSection(
+    name="dma_noise",
+    place="noise.dma.additive",
+    unit="1",
+    label="deviation of the logarithm of DMA moduli",
+    prior=PriorSection(kind="log-uniform", lower=1e-4, upper=1.0),
+)
+"""Scatter of DMA data that come without deviations."""
+
 
 def inference_settings(described: Experiment, name: str) -> InferenceSettings:
     """The section `[inference]` of an experiment, checked.
@@ -171,9 +180,10 @@ def free_parameters(settings: InferenceSettings, model: Model, noise: dict[str, 
     state = State(model, noise)
     sections = list(settings.parameters or DEFAULTS)
     named = {section.place for section in sections}
-    unknown = "hmi" in noise and noise["hmi"].known is None
-    if unknown and NOISE.place not in named:
-        sections.append(NOISE)
+    for measurement, section in (("hmi", NOISE), ("dma", DMA_NOISE)):
+        unknown = measurement in noise and noise[measurement].known is None
+        if unknown and section.place not in named:
+            sections.append(section)
     return ParameterSet(tuple(_entry(section, state) for section in sections))
 
 
@@ -188,7 +198,10 @@ def _entry(section: ParameterSection, state: State) -> Any:
             f"`inference.parameters` {section.name}: `{section.place}` holds {standing.size} numbers; "
             "add an index in brackets."
         )
-    prior = section.prior.prior(1.0 if section.relative else float(standing))
+    try:
+        prior = section.prior.prior(1.0 if section.relative else float(standing))
+    except InputError as error:
+        raise InputError(f"`inference.parameters` {section.name}: {error}") from None
     return parameter(section.name, section.place, section.unit, prior, label=section.label, relative=section.relative)
 
 

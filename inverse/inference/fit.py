@@ -1,9 +1,9 @@
 """Fits: the most probable constants, or the most likely ones where there are no priors, with what is known of them.
 
 Every fit starts from several places. Costs that are sums of squares are minimised by Levenberg and Marquardt's method
-or Powell's dogleg, others by BFGS in coordinates of their own curvature; where a value runs to the end of its range,
-L-BFGS-B goes on with bounds that it can reach. Where predictions are long computations, `Method.NEWTON` needs no more
-than one compiled gradient.
+or Powell's dogleg, others by BFGS in coordinates of their own curvature; L-BFGS-B, where it
+is asked for, goes on with bounds that it can reach. Where predictions are long computations, `Method.NEWTON` drives the
+search from outside of JAX on one compiled gradient.
 """
 
 import dataclasses
@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
 from inverse.bounded import multi_start_bounded
-from inverse.descent import descend, expand, polish
+from inverse.descent import descend, expand, is_minimum, polish
 from inverse.inference.compiled import as_arrays, cost_of
 from inverse.inference.curvature import bounds, cost_curvature, root_of_curvature
 from inverse.inference.problem import Problem
@@ -151,9 +151,8 @@ def judge(problem: Problem, values: Float[np.ndarray, " m"]) -> Fit:
     u = jnp.stack([jnp.asarray(e.parameter.transform.inverse(v)) for e, v in zip(entries, values, strict=True)])
     about = expand(cost_of(problem), np.asarray(u))
     gain = _newton_gain(about.slope, about.curvature)
-    stands = MultiStart(
-        u[None], jnp.asarray([about.value]), jnp.asarray([0 if gain < _MINIMUM else 1]), jnp.asarray([0])
-    )
+    sound = gain < _MINIMUM and is_minimum(about.curvature)
+    stands = MultiStart(u[None], jnp.asarray([about.value]), jnp.asarray([0 if sound else 1]), jnp.asarray([0]))
     ends = tuple(problem.parameters.ends(np.asarray(u)))
     return Fit(
         problem=problem,

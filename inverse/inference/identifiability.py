@@ -18,9 +18,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from inverse.inference.curvature import data_curvature, large_changes, root_of_curvature
+from inverse.inference.entries import Varying
 from inverse.inference.problem import Problem
 from inverse.transforms import LogInterval, Positive
 
@@ -68,8 +69,8 @@ class Identification:
     """
 
     names: tuple[str, ...]
-    eigenvalues: Float[np.ndarray, " n"]
-    directions: Float[np.ndarray, "n n"]
+    eigenvalues: Float[np.ndarray, " k"]
+    directions: Float[np.ndarray, "k n"]
     condition_number: float
     rank: int
     combinations: tuple[Combination, ...]
@@ -110,17 +111,30 @@ def identify(problem: Problem, values: Float[np.ndarray, " m"]) -> Identificatio
 
 def _spectrum(
     problem: Problem, values: Float[np.ndarray, " m"]
-) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m m"]]:
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
     """Eigenvalues and eigenvectors (rows) of the information, largest first."""
     scale = large_changes(problem, values)
     if problem.is_least_squares:
         jacobian = np.asarray(_data_jacobian(problem, jnp.asarray(values))) * scale[None, :]
     else:
         jacobian = root_of_curvature(data_curvature(problem, values), values) * scale[None, :]
-    _, singular, directions = np.linalg.svd(jacobian, full_matrices=True)
-    eigenvalues = np.zeros(len(values))
-    eigenvalues[: len(singular)] = singular[: len(values)] ** 2
+    # Population and spread are told by the groups' values, not by data: they are not asked about.
+    asked = np.flatnonzero(~_of_populations(problem))
+    _, singular, found = np.linalg.svd(jacobian[:, asked], full_matrices=True)
+    eigenvalues, directions = np.zeros(len(asked)), np.zeros((len(asked), len(values)))
+    eigenvalues[: len(singular)] = singular[: len(asked)] ** 2
+    directions[:, asked] = found
     return eigenvalues, directions
+
+
+def _of_populations(problem: Problem) -> Bool[np.ndarray, " m"]:
+    return np.array(
+        [
+            isinstance(entry, Varying) and name in (f"{entry.name}_population", f"{entry.name}_spread")
+            for entry in problem.parameters.entries
+            for name, _, _ in entry.columns
+        ]
+    )
 
 
 @eqx.filter_jit
@@ -131,8 +145,8 @@ def _data_jacobian(problem: Problem, values):
 def _combinations(
     problem: Problem,
     values: Float[np.ndarray, " m"],
-    eigenvalues: Float[np.ndarray, " m"],
-    directions: Float[np.ndarray, "m m"],
+    eigenvalues: Float[np.ndarray, " k"],
+    directions: Float[np.ndarray, "k m"],
     rank: int,
 ) -> tuple[Combination, ...]:
     """Products of powers that a free direction of several constants leaves alone.

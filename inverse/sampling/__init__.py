@@ -16,6 +16,7 @@ from inverse.sampling.ensemble import walkers_from_laplace as walkers_from_lapla
 from inverse.sampling.ensemble import walkers_from_prior as walkers_from_prior
 from inverse.sampling.evidence import Evidence as Evidence
 from inverse.sampling.evidence import bridge_evidence as bridge_evidence
+from inverse.sampling.importance import importance_evidence as importance_evidence
 from inverse.sampling.importance import sample_importance as sample_importance
 from inverse.sampling.inference_data import load_posterior as load_posterior
 from inverse.sampling.inference_data import save_posterior as save_posterior

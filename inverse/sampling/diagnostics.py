@@ -103,19 +103,28 @@ def values_of(problem: Problem, draws: Draws) -> Float[np.ndarray, "chain draw m
 def diagnose_draws(problem: Problem, draws: Draws) -> Diagnostics:
     """Moments, quantiles, R-hat, effective sizes, autocorrelation times and Monte Carlo errors of every value."""
     values = values_of(problem, draws)
+    worth = draws.settings.get("effective_size")
     rows = tuple(
-        _row(name, unit, values[:, :, index]) for index, (name, unit, _) in enumerate(problem.parameters.columns)
+        _row(name, unit, values[:, :, index], None if worth is None else float(worth))
+        for index, (name, unit, _) in enumerate(problem.parameters.columns)
     )
     return Diagnostics(rows, tuple(_complaints(rows, draws)))
 
 
-def _row(name: str, unit: str, values: Float[np.ndarray, "chain draw"]) -> Row:
+def _row(name: str, unit: str, values: Float[np.ndarray, "chain draw"], worth: float | None) -> Row:
     lower, median, upper = np.quantile(values, [0.5 - 0.5 * LEVEL, 0.5, 0.5 + 0.5 * LEVEL])
+    sd = float(np.std(values, ddof=1)) if values.size > 1 else float("nan")
+    if worth is not None:
+        # Resampled with weights: chains are no chains, and draws are worth what the weights say.
+        return Row(
+            name, unit, float(np.mean(values)), sd, float(median), float(lower), float(upper), float("nan"), worth,
+            worth, float("nan"), sd / np.sqrt(worth), sd / np.sqrt(2.0 * worth),
+        )  # fmt: skip
     return Row(
         name,
         unit,
         float(np.mean(values)),
-        float(np.std(values, ddof=1)) if values.size > 1 else float("nan"),
+        sd,
         float(median),
         float(lower),
         float(upper),
@@ -131,7 +140,8 @@ def _row(name: str, unit: str, values: Float[np.ndarray, "chain draw"]) -> Row:
 def _complaints(rows: tuple[Row, ...], draws: Draws) -> list[str]:
     found = []
     # Written so that NaN, of chains that never moved, fails, too.
-    apart = [row for row in rows if not row.r_hat <= LARGEST_R_HAT]
+    has_chains = "effective_size" not in draws.settings
+    apart = [row for row in rows if not row.r_hat <= LARGEST_R_HAT] if has_chains else []
     if apart:
         worst = max(apart, key=lambda row: np.nan_to_num(row.r_hat, nan=np.inf))
         found.append(

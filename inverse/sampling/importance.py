@@ -12,14 +12,15 @@ Source: A. Vehtari, D. Simpson, A. Gelman, Y. Yao & J. Gabry, Pareto smoothed im
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
+from scipy import special
 
+from arfjax.errors import InputError
 from inverse.inference.problem import Problem
 from inverse.sampling.draws import Draws
+from inverse.sampling.evidence import Evidence
 from inverse.sampling.inference_data import smoothed_weights
 from inverse.sampling.laplace import Laplace
 from inverse.sampling.target import batched_log_density, require_posterior
@@ -28,6 +29,9 @@ LARGEST_SHAPE = 0.7
 """Pareto shape of the weights above which their mean may not exist for all that can be told."""
 _FREEDOM = 6.0
 """Of Student's t: tails heavier than normal ones, the middle still near them."""
+_MOST_REFUSED = 0.1
+"""Share of proposals without a density above which the posterior is likely to be cut off itself."""
+_FEWEST = 25
 _WIDER = 1.15
 """Spread of the first proposal in that of the normal approximation, against tails that it does not know of."""
 
@@ -57,24 +61,25 @@ def sample_importance(
 
     Returns:
         Draws of which some are the same point; `settings` has `effective_size`, the number of independent draws that
-        they are worth, and `pareto_shape`. `finished` is whether that shape is small enough.
+        they are worth, `pareto_shape`, `refused`, the share of the proposals that had no density, and the evidence,
+        see `importance_evidence`. `finished` is whether shape and share are small enough.
 
     Raises:
-        InputError: if there is no posterior.
+        InputError: if there is no posterior, or hardly any proposal has a density.
     """
     require_posterior(problem)
     begun, rng = time.monotonic(), np.random.default_rng(seed)
     density = batched_log_density(problem, chunk=chunk)
     first = max(evaluations // 4, 10 * len(found.mode))
     on_step(f"importance: {first} draws of the normal approximation")
-    points, logs, _ = _weighted(density, found.mode, _WIDER**2 * found.covariance, first, rng)
+    points, logs, *_ = _weighted(density, found.mode, _WIDER**2 * found.covariance, first, rng)
     smooth, _ = smoothed_weights(logs)
     share = np.exp(smooth)
     mean = share @ points
     # The first draws may be few in some directions: their spread is pulled half-way to the approximation's.
     spread = 0.5 * ((points - mean).T * share) @ (points - mean) + 0.5 * found.covariance
     on_step(f"importance: {evaluations - first} draws")
-    points, logs, heights = _weighted(density, mean, _WIDER**2 * spread, max(evaluations - first, first), rng)
+    points, logs, heights, refused = _weighted(density, mean, _WIDER**2 * spread, max(evaluations - first, first), rng)
     smooth, shape = smoothed_weights(logs)
     share = np.exp(smooth)
     size = float(1.0 / np.sum(share**2))
@@ -85,9 +90,16 @@ def sample_importance(
         statistics={},
         sampler="importance sampling",
         seed=seed,
-        settings={"evaluations": evaluations, "effective_size": size, "pareto_shape": shape},
-        finished=shape <= LARGEST_SHAPE,
-        message=_message(len(points), size, shape),
+        settings={
+            "evaluations": evaluations,
+            "effective_size": size,
+            "pareto_shape": shape,
+            "refused": refused,
+            "log_evidence": float(np.logaddexp.reduce(logs) - np.log(len(logs) / (1.0 - refused))),
+            "log_evidence_error": float(np.sqrt(max(1.0 / size - 1.0 / len(logs), 0.0))),
+        },
+        finished=shape <= LARGEST_SHAPE and refused <= _MOST_REFUSED,
+        message=_message(len(points), size, shape, refused),
         evaluations=first + len(points),
         seconds=time.monotonic() - begun,
     )
@@ -99,14 +111,24 @@ def _weighted(
     spread: Float[np.ndarray, "n n"],
     count: int,
     rng: np.random.Generator,
-) -> tuple[Float[np.ndarray, "point n"], Float[np.ndarray, " point"], Float[np.ndarray, " point"]]:
-    """Points, logarithms of their weights, and log densities; points without a density are left out."""
-    student: Any = stats.multivariate_t  # whose annotations know whole numbers only
-    proposal = student(centre, spread * (_FREEDOM - 2.0) / _FREEDOM, df=_FREEDOM)
-    points = np.atleast_2d(proposal.rvs(count, random_state=rng)).reshape(count, -1)
+) -> tuple[Float[np.ndarray, "point n"], Float[np.ndarray, " point"], Float[np.ndarray, " point"], float]:
+    """Points with a density, logarithms of their weights, log densities, and the share of points without one."""
+    n = len(centre)
+    factor = np.linalg.cholesky(spread * (_FREEDOM - 2.0) / _FREEDOM)
+    standard = rng.standard_normal((count, n)) / np.sqrt(rng.chisquare(_FREEDOM, (count, 1)) / _FREEDOM)
+    points = centre + standard @ factor.T
+    constant = special.gammaln(0.5 * (_FREEDOM + n)) - special.gammaln(0.5 * _FREEDOM)
+    constant -= 0.5 * n * np.log(_FREEDOM * np.pi) + np.sum(np.log(np.diag(factor)))
+    proposed = constant - 0.5 * (_FREEDOM + n) * np.log1p(np.sum(standard**2, axis=1) / _FREEDOM)
     heights = density(points)
     usable = np.isfinite(heights)
-    return points[usable], (heights - proposal.logpdf(points))[usable], heights[usable]
+    if np.sum(usable) < _FEWEST:
+        raise InputError(
+            f"{np.sum(usable)} of {count} proposals about the mode have a finite log density: the model covers hardly "
+            "anything of the posterior, or its normal approximation is none. Narrow the priors, or take other draws to "
+            "prepare a fast model with."
+        )
+    return points[usable], (heights - proposed)[usable], heights[usable], float(np.mean(~usable))
 
 
 def _systematic(share: Float[np.ndarray, " point"], count: int, rng: np.random.Generator) -> np.ndarray:
@@ -115,8 +137,20 @@ def _systematic(share: Float[np.ndarray, " point"], count: int, rng: np.random.G
     return np.searchsorted(ends / ends[-1], (np.arange(count) + rng.uniform()) / count)
 
 
-def _message(count: int, size: float, shape: float) -> str:
+def importance_evidence(draws: Draws) -> Evidence:
+    """Evidence from the mean of the weights of `sample_importance`; its error holds if draws are sound."""
+    value, error = (float(draws.settings[name]) for name in ("log_evidence", "log_evidence_error"))
+    warnings = () if draws.finished else (f"The weights do not support it: {draws.message}.",)
+    size, used = float(draws.settings["effective_size"]), max(draws.evaluations, 1)
+    return Evidence(value, error, size / used, True, warnings)
+
+
+def _message(count: int, size: float, shape: float, refused: float) -> str:
     told = f"{count} weighted draws, worth {size:.0f} independent ones; Pareto shape of the weights {shape:.2f}"
+    if refused:
+        told += f"; {100.0 * refused:.2g} % of the proposals had no density"
+    if refused > _MOST_REFUSED:
+        return f"{told}: the posterior may be cut off where the model has none; widen what it covers"
     if shape <= LARGEST_SHAPE:
         return told
     return (

@@ -50,6 +50,12 @@ class Laplace:
     message: str
 
     @property
+    def is_sound(self) -> bool:
+        """Whether it is a mode with a covariance, to which at least half of the starts came."""
+        agreeing = np.sum(self.starts > self.starts[0] - _AGREE)
+        return self.converged and self.positive_definite and bool(agreeing >= 0.5 * len(self.starts))
+
+    @property
     def sd(self) -> Float[np.ndarray, " n"]:
         """Standard deviations of the unconstrained numbers."""
         return np.sqrt(np.diag(self.covariance))

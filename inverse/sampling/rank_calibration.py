@@ -202,8 +202,16 @@ def _resume(file: Path | None, problem: Problem, seed: int) -> list[dict]:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(json.dumps(head) + "\n", encoding="utf-8")
         return []
-    first, *rest = file.read_text(encoding="utf-8").splitlines()
-    found = json.loads(first)
-    if found["seed"] != seed or found["problem"]["priors"] != head["problem"]["priors"]:
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    # A line that was cut off when the run was killed is done again.
+    whole = [line for line in lines if line.endswith("\n")]
+    if not whole or not _same(json.loads(whole[0]), head):
         raise InputError(f"{file}: holds ranks of another problem or seed; name another file, or delete it.")
-    return [json.loads(line) for line in rest]
+    if len(whole) < len(lines):
+        file.write_text("".join(whole), encoding="utf-8")
+    return [json.loads(line) for line in whole[1:]]
+
+
+def _same(found: dict, head: dict) -> bool:
+    numbers = [float(each["problem"].pop("log_density_at_start")) for each in (found, head)]
+    return found == head and bool(np.isclose(*numbers, rtol=1e-6))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from inverse.descent import descend, expand, polish, whitening
+from inverse.descent import Descent, descend, expand, polish, whitening
 
 CURVATURE = np.array([[4e6, 1e3, 0.0], [1e3, 2.0, 0.1], [0.0, 0.1, 1e-2]])
 MINIMUM = np.array([1e-3, -2.0, 30.0])
@@ -78,3 +78,36 @@ def test_what_has_no_minimum_is_not_said_to_have_one():
     lost = descend(nowhere, np.zeros(1))
     assert not lost.converged and lost.value == np.inf
     assert not polish(nowhere, lost).converged
+
+
+@pytest.mark.parametrize("curvature", [np.diag([1.0, -1.0]), -np.eye(2)])
+def test_saddles_and_maxima_are_not_minima(curvature):
+    """Where the gradient is exactly zero no step is taken; the curvature tells."""
+
+    def saddle(x):
+        return 0.5 * float(x @ curvature @ x), curvature @ x
+
+    begun = Descent(np.zeros(2), 0.0, 0.0, 0)
+    assert not polish(saddle, begun).converged
+
+
+def test_differences_do_not_reach_beyond_a_domain():
+    """Beyond the edge the function has no value but a gradient, of nothing: a curvature made of it would be wrong."""
+
+    def edged(x):
+        inside = x[0] < 1.0
+        return (0.5 * float(x[0] ** 2) if inside else np.nan), (x if inside else np.full(1, 0.011))
+
+    # The wide steps leave the domain and are dropped; at the edge itself nothing is left.
+    np.testing.assert_allclose(expand(edged, np.array([0.99])).curvature, 1.0, rtol=1e-6)
+    assert np.isnan(expand(edged, np.array([1.0 - 1e-5])).curvature)
+
+
+def test_a_costly_start_does_not_make_nowhere_attractive():
+    def steep(x):
+        if x[0] > 60.0:
+            return np.nan, np.full(1, np.nan)
+        return 1e12 * float((x[0] - 50.0) ** 2), 2e12 * (x - 50.0)
+
+    found = descend(steep, np.zeros(1))
+    np.testing.assert_allclose(found.point, 50.0, rtol=1e-6)

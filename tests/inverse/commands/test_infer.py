@@ -12,6 +12,7 @@ from inverse.sampling import load_posterior
 
 POLYMER = str(shipped("pyvisco_polymer"))
 HMI = str(shipped("suomi2016_hmi"))
+EXPERIMENT = str(shipped("suomi2016_experiment"))
 
 
 def complaint(arguments: list[str], capsys) -> str:
@@ -24,6 +25,8 @@ def complaint(arguments: list[str], capsys) -> str:
     [
         (["--out", "{out}"], "nothing to infer from: give --dma FILE, --hmi FILE or both"),
         (["--out", "{out}", "--hmi", HMI], "HMI needs an experiment file"),
+        ([EXPERIMENT, "--out", "{out}", "--dma", POLYMER, "--across", "sample"], "--across goes with sweeps alone"),
+        (["--out", "{out}", "--dma", POLYMER, "--sampler", "laplace", "--evidence"], "--evidence needs draws"),
         (["--out", "{out}", "--dma", POLYMER], "holds 21 sweeps; choose one by --temperature"),
         (["--out", "{out}", "--dma", POLYMER, "--sampler", "guess"], "Invalid value for '--sampler'"),
     ],

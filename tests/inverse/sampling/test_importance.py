@@ -2,11 +2,13 @@
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
 
-from inverse.sampling import diagnose_draws, laplace, sample_importance
+from arfjax import InputError
+from inverse.sampling import diagnose_draws, importance_evidence, laplace, sample_importance
 from inverse.sampling.target import batched_log_density
 from inverse.study import Effort, Sampler, infer
 from tests.inverse.sampling.conjugate import conjugate_problem, exact_posterior
@@ -34,7 +36,7 @@ def test_moments_of_a_normal_posterior(found):
 
 def test_weights_mend_a_proposal_that_is_off(found):
     """Shifted by one standard deviation, and half as wide again: the draws are those of the posterior all the same."""
-    off = dataclasses.replace(found, mode=found.mode + found.sd, covariance=2.25 * found.covariance)
+    off = dataclasses.replace(found, mode=found.mode + found.factor[:, 0], covariance=2.25 * found.covariance)
     drawn = sample_importance(PROBLEM, off, seed=2, draws=2000, evaluations=8000)
     mean, covariance, _ = exact_posterior(PROBLEM)
     for index, sd in enumerate(np.sqrt(np.diag(covariance))):
@@ -49,6 +51,48 @@ def test_a_proposal_that_misses_says_so(found):
     assert not drawn.finished and drawn.settings["pareto_shape"] > 0.7
     assert "the proposal misses part of the posterior" in drawn.message
     assert any("did not finish" in each for each in diagnose_draws(PROBLEM, drawn).complaints)
+
+
+def test_a_posterior_that_is_cut_off_is_told(found):
+    """Half of what the data allow has no density: smaller weights for all that, and a fine Pareto shape."""
+    (measurement,) = PROBLEM.measurements
+    limit = float(PROBLEM.values(jnp.asarray(found.mode))[0])
+
+    def covered(model):
+        return jnp.where(model.coefficients[0] < limit, measurement.predict(model), jnp.nan)
+
+    problem = dataclasses.replace(PROBLEM, measurements=(dataclasses.replace(measurement, predict=covered),))
+    drawn = sample_importance(problem, found, seed=5, draws=500, evaluations=2000)
+    assert not drawn.finished and 0.1 < float(drawn.settings["refused"]) < 0.6
+    assert "may be cut off" in drawn.message
+
+
+def test_draws_are_worth_what_their_weights_say(found):
+    """Few weighted draws resampled many times are no better than few, in size and in error."""
+    drawn = sample_importance(PROBLEM, found, seed=6, draws=2000, evaluations=160)
+    size = float(drawn.settings["effective_size"])
+    told = diagnose_draws(PROBLEM, drawn)
+    assert size < 120.0
+    for row in told.rows:
+        assert row.bulk_size == size and row.mean_error == pytest.approx(row.sd / np.sqrt(size))
+    assert any("tell too little" in each for each in told.complaints)
+    assert not any("Chains do not agree" in each for each in told.complaints)
+
+
+def test_evidence_is_the_mean_weight(found):
+    """Within four standard errors of that of the linear model."""
+    drawn = sample_importance(PROBLEM, found, seed=7, draws=100, evaluations=8000)
+    weighed, (*_, exact) = importance_evidence(drawn), exact_posterior(PROBLEM)
+    assert weighed.standard_error < 0.02 and not weighed.warnings
+    assert abs(weighed.log_evidence - exact) < 4.0 * weighed.standard_error
+
+
+def test_a_proposal_with_no_density_at_all_is_refused(found):
+    broken = dataclasses.replace(
+        PROBLEM, measurements=(dataclasses.replace(PROBLEM.measurements[0], measured=np.full(12, np.nan)),)
+    )
+    with pytest.raises(InputError, match="0 of 200 proposals"):
+        sample_importance(broken, found, seed=8, evaluations=800)
 
 
 def test_a_study_by_importance_sampling():

@@ -57,8 +57,14 @@ def test_a_run_that_was_stopped_goes_on(tmp_path):
     assert seen == [4, 5, 6]
     whole = calibrate_ranks(PROBLEM, posterior(), n_replicates=6, seed=1)
     np.testing.assert_array_equal(resumed.ranks, whole.ranks)
-    with pytest.raises(InputError, match="another problem or seed"):
-        calibrate_ranks(PROBLEM, posterior(), n_replicates=6, seed=2, file=file)
+    other = conjugate_problem(2, sd=0.5)
+    for problem, seed in ((PROBLEM, 2), (other, 1)):
+        with pytest.raises(InputError, match="another problem or seed"):
+            calibrate_ranks(problem, posterior(), n_replicates=6, seed=seed, file=file)
+    # Killed in the middle of a line.
+    file.write_text(file.read_text()[:-5])
+    again = calibrate_ranks(PROBLEM, posterior(), n_replicates=6, seed=1, file=file)
+    np.testing.assert_array_equal(again.ranks, whole.ranks)
 
 
 def test_mistakes_are_told():
