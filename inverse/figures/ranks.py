@@ -17,7 +17,7 @@ _WITHIN = 0.95
 def draw_ranks(found: RankCalibration) -> Figure:
     """A histogram of ranks for each constant, with the band in which a uniform one has 95 % of its bars.
 
-    Beside its name: p of the chi-square test, and what intervals of 50 and 90 percent cover.
+    In the corner: p of the chi-square test, and what intervals of 50 and 90 percent cover.
     """
     rows = math.ceil(len(found.names) / _COLUMNS)
     figure = new_figure(7.0, 1.45 * rows + 0.5)
@@ -31,9 +31,9 @@ def draw_ranks(found: RankCalibration) -> Figure:
         axes.axhline(middle, color="0.6", linewidth=0.8)
         axes.bar(places, counts, width=0.9 * width, align="edge", color=COLOURS[0])
         told = f"p {p:.2f}; {100 * fifty[index]:.0f}, {100 * ninety[index]:.0f} %"
-        axes.set_title(told, fontsize="x-small", loc="right", color="0.35")
+        axes.text(0.98, 0.97, told, transform=axes.transAxes, ha="right", va="top", fontsize="x-small", color="0.35")
         axes.set_xlim(0, N_DRAWS + 1)
-        axes.set_ylim(0, 1.15 * max(high, float(np.max(found.counts(_CLASSES)))))
+        axes.set_ylim(0, 1.3 * max(high, float(np.max(found.counts(_CLASSES)))))
         lowest = index >= len(found.names) - _COLUMNS
         tidy(
             axes,
