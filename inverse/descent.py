@@ -130,8 +130,9 @@ def descend(
         factor: Coordinates, one a column, in which the function curves by about one; from the curvature at the start
             if not given.
     """
-    axes = whitening(expand(gradient, start).curvature) if factor is None else factor
-    begun = gradient(start)[0]
+    about = None if factor is not None else expand(gradient, start)
+    axes = factor if about is None else whitening(about.curvature)
+    begun = gradient(start)[0] if about is None else about.value
     nowhere = max(_NOWHERE, 10.0 * abs(begun)) if np.isfinite(begun) else _NOWHERE
 
     def cost(z: Float[np.ndarray, " n"]) -> tuple[float, Float[np.ndarray, " n"]]:

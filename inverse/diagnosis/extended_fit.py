@@ -73,11 +73,7 @@ def fit_extended(
 
 
 class Refit:
-    """Refits of one extended model, to all data or to parts.
-
-    The program that is compiled holds every cause of the library; those that were not added stay at strength 0, where
-    they are nothing. Compiling it takes far longer than running it.
-    """
+    """Refits of one extended model; the program compiled holds every cause, those not added at strength 0."""
 
     def __init__(
         self,

