@@ -67,6 +67,7 @@ from arfjax.laws import Linear as Linear
 from arfjax.laws import NormalisedPolynomial as NormalisedPolynomial
 from arfjax.laws import PolynomialThrough as PolynomialThrough
 from arfjax.laws import Scaled as Scaled
+from arfjax.laws import Shifted as Shifted
 from arfjax.laws import Tabulated as Tabulated
 from arfjax.laws import TemperatureLaw as TemperatureLaw
 from arfjax.laws import ZenerLaw as ZenerLaw

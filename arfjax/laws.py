@@ -191,6 +191,21 @@ class Scaled(TemperatureLaw):
         return self.factor * self.law.after(temperature, dose)
 
 
+class Shifted(TemperatureLaw):
+    """Another law plus a constant."""
+
+    law: TemperatureLaw
+    shift: Scalar
+
+    def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """Law plus shift."""
+        return self.law.evaluate(temperature) + self.shift
+
+    def after(self, temperature: Temperature, dose: Temperature) -> Scalar | Float[Array, "..."]:
+        """Law plus shift, after a dose."""
+        return self.law.after(temperature, dose) + self.shift
+
+
 class ScaledRise(TemperatureLaw):
     """Another law, of which the rise that heat makes is multiplied.
 

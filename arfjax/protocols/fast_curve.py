@@ -101,8 +101,11 @@ class FastCurve(eqx.Module):
             InputError: if the model is not built as the one that this was prepared with.
         """
         require_alike(model, self.centre)
-        heat = self._power(model) * self.sound.heat_at(model, protocol.start_temperature)
-        return heating_by(model, heat, protocol, self.settings)
+        return heating_by(model, self.heat(model, protocol), protocol, self.settings)
+
+    def heat(self, model: Model, protocol: StepwiseProtocol) -> Float[Array, "r z"]:
+        """Heat deposition at the start of the sonication [W/m^3], wherever the model is."""
+        return self._power(model) * self.sound.heat_at(model, protocol.start_temperature)
 
     def displacement(
         self, model: Model, temperatures: Float[Array, " step"], protocol: StepwiseProtocol, *, heating: Heating
@@ -128,15 +131,34 @@ class FastCurve(eqx.Module):
         n_modes: int | None = None,
     ) -> Float[Array, " step"]:
         """As `displacement`, wherever the model is; with fewer shapes if asked for, to see what they do."""
+
+        def displacement(temperature: Array) -> Array:
+            return self.push(model, temperature, self.share(model, temperature, heating), protocol, n_modes=n_modes)
+
+        return jax.vmap(displacement)(temperatures)
+
+    def push(
+        self,
+        model: Model,
+        temperature: Scalar,
+        share: Float[Array, " point"],
+        protocol: StepwiseProtocol,
+        *,
+        n_modes: int | None = None,
+    ) -> Float[Array, ""]:
+        """Displacement at the focus at the end of one push [m], wherever the model is.
+
+        Args:
+            model: In the state that is pushed; its laws may be other ones than those of `centre`.
+            temperature: Of liver and focus [degC].
+            share: Of the lesion at the points of `solid`, see `share`.
+            protocol: For the push's duration.
+            n_modes: How many of the shapes move; all if not given.
+        """
         solid = self.solid if n_modes is None else self.solid.leading(n_modes)
-
-        def push(temperature: Array) -> Array:
-            share = self._share(model, temperature, heating)
-            outside, inside = (_material(model, temperature, each) for each in (jnp.zeros((1, 1)), share[:, None]))
-            force = self._power(model) * self.sound.force_at(model, temperature)[: solid.n_modes]
-            return reduced_push(solid, outside, inside, force, self.settings.push_steps(protocol.push_duration))
-
-        return jax.vmap(push)(temperatures)
+        outside, inside = (_material(model, temperature, each) for each in (jnp.zeros((1, 1)), share[:, None]))
+        force = self._power(model) * self.sound.force_at(model, temperature)[: solid.n_modes]
+        return reduced_push(solid, outside, inside, force, self.settings.push_steps(protocol.push_duration))
 
     def excess(
         self, model: Model, temperatures: Float[Array, " step"], protocol: StepwiseProtocol, *, heating: Heating
@@ -155,7 +177,8 @@ class FastCurve(eqx.Module):
             jnp.inf,
         )
 
-    def _share(self, model: Model, temperature: Array, heating: Heating) -> Float[Array, " point"]:
+    def share(self, model: Model, temperature: Scalar, heating: Heating) -> Float[Array, " point"]:
+        """Share of the lesion at the points of `solid` when the focus reaches a temperature [degC]."""
         size = lesion_at(model, heating, temperature, self.settings)
         edge = model.lesion.edge
         r, z = self.solid.r, self.solid.z

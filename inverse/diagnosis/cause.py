@@ -1,7 +1,7 @@
 """What a named cause of misfit is: an extension of one place of the model that does nothing at strength 0."""
 
 from collections.abc import Iterable
-from typing import ClassVar
+from typing import ClassVar, Generic, TypeVar
 
 import equinox as eqx
 import jax
@@ -65,12 +65,8 @@ class DmaState(eqx.Module):
     before: Complex[Array, " row"]
 
 
-class DmaCause(eqx.Module):
-    """A named cause of misfit of a dynamic mechanical analysis.
-
-    A cause overrides `material` (it changes the constants of the solid) or `measured` (it changes the modulus that the
-    instrument reports), and is nothing at strength 0. To add one, copy a file of `inverse/diagnosis/causes` and put it
-    into the library there.
+class Cause(eqx.Module):
+    """What every named cause of misfit says of itself, whatever was measured.
 
     Attributes:
         name: As users write it.
@@ -97,6 +93,15 @@ class DmaCause(eqx.Module):
     shapes: ClassVar[tuple[float, ...]] = (0.0,)
     shape_means: ClassVar[str] = ""
 
+
+class DmaCause(Cause):
+    """A named cause of misfit of a dynamic mechanical analysis.
+
+    A cause overrides `material` (it changes the constants of the solid) or `measured` (it changes the modulus that the
+    instrument reports), and is nothing at strength 0. To add one, copy a file of `inverse/diagnosis/causes` and put it
+    into the library there.
+    """
+
     def material(self, constants: Float[Array, "sweep 4"], strength: Strength) -> Float[Array, "sweep 4"]:
         """Constants of the solid of each sweep: relaxed, unrelaxed modulus [Pa], relaxation time [s], order."""
         del strength
@@ -110,7 +115,10 @@ class DmaCause(eqx.Module):
         return modulus
 
 
-class Extension(eqx.Module):
+AnyCause = TypeVar("AnyCause", bound=Cause)
+
+
+class Extension(eqx.Module, Generic[AnyCause]):
     """A cause with its shape chosen, ready to be put into the model.
 
     Attributes:
@@ -118,7 +126,7 @@ class Extension(eqx.Module):
         shape: Value of its second parameter; 0 without one.
     """
 
-    cause: DmaCause
+    cause: AnyCause
     shape: Strength
 
     @property
@@ -127,7 +135,7 @@ class Extension(eqx.Module):
         return len(self.cause.shapes) > 1
 
 
-def every_shape(causes: Iterable[DmaCause]) -> list[Extension]:
+def every_shape(causes: Iterable[AnyCause]) -> list[Extension[AnyCause]]:
     """Every cause in each of the shapes that are screened."""
     return [Extension(cause, shape) for cause in causes for shape in cause.shapes]
 
@@ -135,7 +143,7 @@ def every_shape(causes: Iterable[DmaCause]) -> list[Extension]:
 def predicted_modulus(
     constants: Float[Array, "sweep 4"],
     conditions: DmaConditions,
-    extensions: tuple[Extension, ...] = (),
+    extensions: tuple[Extension[DmaCause], ...] = (),
     strengths: Float[Array, " extension"] | None = None,
 ) -> Complex[Array, " row"]:
     """Modulus of every row [Pa] from the constants of every sweep and the strengths of the extensions."""

@@ -1,0 +1,29 @@
+"""Vapour at the focus."""
+
+import equinox as eqx
+import jax
+
+from arfjax import Model
+from inverse.diagnosis.cause import Strength
+from inverse.diagnosis.hmi.cause import HmiCause, HmiConditions, TissueChange
+
+
+class Boiling(HmiCause):
+    """Vapour at the focus."""
+
+    name = "boiling"
+    place = "acoustics: field"
+    unit = "1"
+    sign = 1
+    plausible = 0.5
+    sentence = "At the boiling point vapour reflects the sound: hardly any push arrives at the focus behind it."
+    helps = "Sonications that end below 95 degC, or a passive detector."
+    source = "Khokhlova et al. (2006), from memory; a logistic 1 K wide at 99 degC"
+
+    def tissue(
+        self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength
+    ) -> TissueChange:
+        """Force lost at the boiling point."""
+        del model, shape
+        grown = jax.nn.sigmoid(conditions.temperature - 99.0)
+        return eqx.tree_at(lambda each: each.force, change, change.force * (1.0 - strength * grown))

@@ -1,0 +1,31 @@
+"""Stiffness of the lesion that turns with temperature."""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from arfjax import Model
+from inverse.diagnosis.cause import Strength
+from inverse.diagnosis.hmi.cause import HmiCause, HmiConditions, TissueChange
+
+
+class LesionStiffnessLaw(HmiCause):
+    """Stiffness of the lesion that turns with temperature."""
+
+    name = "lesion-stiffness-law"
+    place = "tissue: viscoelasticity"
+    unit = "1"
+    sign = 0
+    plausible = 0.5
+    sentence = (
+        "The lesion's stiffness does not grow exponentially with temperature: its growth slows down, or sets in late."
+    )
+    helps = "DMA of coagulated tissue at more temperatures."
+    source = "Curvature of the logarithm of the modulus over 10 K about 70 degC; scale assumed"
+
+    def tissue(
+        self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength
+    ) -> TissueChange:
+        """A parabola in the logarithm of the modulus."""
+        del model, shape
+        turned = 0.5 * ((conditions.temperature - 70.0) / 10.0) ** 2
+        return eqx.tree_at(lambda each: each.lesion_modulus, change, change.lesion_modulus * jnp.exp(strength * turned))

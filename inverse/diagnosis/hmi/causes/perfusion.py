@@ -1,0 +1,34 @@
+"""Blood flow other than assumed."""
+
+import equinox as eqx
+
+from arfjax import Model
+from arfjax.laws import Shifted
+from inverse.diagnosis.cause import Strength
+from inverse.diagnosis.hmi.cause import HmiCause
+
+PERFUSED = 15.2 / 1050.0
+"""Volume of blood per volume of liver and time, in life [1/s]."""
+
+
+class Perfusion(HmiCause):
+    """Blood flow other than assumed."""
+
+    name = "perfusion"
+    place = "tissue: heat"
+    unit = "1"
+    sign = 0
+    plausible = 1.0
+    sentence = (
+        "More or less blood flow than assumed: the temperature comes to rest earlier or later, and the lesion has "
+        "another shape and dose."
+    )
+    helps = "Times beside temperatures, or readings while it cools."
+    source = "Strength is the change over the assumed flow of perfused liver (0.0145 1/s), 15.2 kg/(m^3 s) as in the model"
+
+    def model(self, model: Model, strength: Strength, shape: Strength) -> Model:
+        """Perfusion rate with a part of that of perfused liver added."""
+        del shape
+        law = model.liver.perfusion_rate
+        more = Shifted(law=law, shift=strength * PERFUSED, unit=law.unit, source=law.source)
+        return eqx.tree_at(lambda tree: tree.liver.perfusion_rate, model, more)

@@ -1,0 +1,27 @@
+"""Attenuation that is not all absorption."""
+
+import equinox as eqx
+
+from arfjax import Model
+from inverse.diagnosis.cause import Strength
+from inverse.diagnosis.hmi.cause import HmiCause, HmiConditions, TissueChange
+
+
+class ScatteringFraction(HmiCause):
+    """Attenuation that is not all absorption."""
+
+    name = "scattering-fraction"
+    place = "tissue: attenuation"
+    unit = "1"
+    sign = 1
+    plausible = 0.3
+    sentence = "A part of attenuation scatters: it takes sound away without pushing or heating as absorption does."
+    helps = "Displacement in metres at a power that is known, or absorption from the first second of heating."
+    source = "Damianou, Sanghvi & Fry (1997), absorption below attenuation, from memory; scale assumed"
+
+    def tissue(
+        self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength
+    ) -> TissueChange:
+        """Force without the part that scatters."""
+        del conditions, model, shape
+        return eqx.tree_at(lambda each: each.force, change, change.force * (1.0 - strength))

@@ -1,0 +1,35 @@
+"""Focus that moves as the tissue before it heats."""
+
+import equinox as eqx
+
+from arfjax import Model
+from inverse.diagnosis.cause import Strength
+from inverse.diagnosis.hmi.cause import HmiCause, HmiConditions, TissueChange
+
+
+class ThermalLens(HmiCause):
+    """Focus that moves as the tissue before it heats."""
+
+    name = "thermal-lens"
+    place = "acoustics: field"
+    unit = "1"
+    sign = 1
+    plausible = 0.1
+    sentence = (
+        "Heated tissue refracts: the focus moves towards the transducer and widens, so that the push at the old "
+        "focus falls with the square of the sound speed's change."
+    )
+    helps = "A scan of the focus along the axis while hot."
+    source = (
+        "Le Floch & Fink (1997), thermal lens; Connor & Hynynen (2002), from memory; quadratic in the shift, "
+        "scale assumed"
+    )
+
+    def tissue(
+        self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength
+    ) -> TissueChange:
+        """Force lost with the square of the change of sound speed, in units of 20 m/s."""
+        del shape
+        speeds = model.liver.sound_speed
+        moved = (speeds(conditions.temperature) - speeds(conditions.start_temperature)) / 20.0
+        return eqx.tree_at(lambda each: each.force, change, change.force * (1.0 - strength * moved**2))

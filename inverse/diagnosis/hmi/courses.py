@@ -1,0 +1,180 @@
+"""Data of harmonic motion imaging as rows of a diagnosis, and what the tissue had gone through in each."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from arfjax import Discretisation, Heating, InputError, Model, StepwiseProtocol
+from arfjax.laws import LETHAL_DOSE_MINUTES, coagulated_fraction
+from arfjax.protocols.stepwise import simulate_heating
+from arfjax.tissues import COAGULATION_WIDTH
+from inverse.datasets.hmi import HmiData
+from inverse.diagnosis.hmi.cause import HmiConditions
+from inverse.diagnosis.hmi.chain import Course
+from inverse.hmi_model import plan_sweeps
+from inverse.inference.hmi import SAME_TEMPERATURE_K
+
+_BESIDE = 1e-3
+"""Distance from the axis within which the temperature falls with its square [m]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class HmiRows:
+    """What is compared with the simulation, a row a reading: those of the file, then those that curves were divided by.
+
+    Attributes:
+        log_displacement: Logarithm of the displacement, in any unit of its sonication.
+        sonication: Index of the sonication.
+        labels: Of the sonications.
+        temperature: That the thermometer showed [degC]; NaN where only times are known.
+        time: Since the start [s], as measured or simulated.
+        is_reference: Whether the row is a reading that its curve was divided by.
+        deviation: Relative standard deviation, where the file gives it.
+        file_row: Row of the file, or -1.
+    """
+
+    log_displacement: Float[np.ndarray, " row"]
+    sonication: Int[np.ndarray, " row"]
+    labels: tuple[str, ...]
+    temperature: Float[np.ndarray, " row"]
+    time: Float[np.ndarray, " row"]
+    is_reference: Bool[np.ndarray, " row"]
+    deviation: Float[np.ndarray, " row"] | None
+    file_row: Int[np.ndarray, " row"]
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.sonication)
+
+
+def hmi_rows(data: HmiData, reference_temperature: float) -> HmiRows:
+    """Readings of a file, and for a curve in percent the reading that it was divided by, where it is not in the file.
+
+    Dividing by a reading says nothing of the model but carries that reading's error into all others. With the reading
+    among the rows and a factor of each sonication free, that is what it is: one more reading.
+
+    Args:
+        data: What was measured.
+        reference_temperature: At which curves in percent are 100 [degC].
+
+    Raises:
+        InputError: if a displacement is not positive.
+    """
+    measured = np.asarray(data.displacement, dtype=float)
+    if not np.all(measured > 0.0):
+        row = int(np.flatnonzero(~(measured > 0.0))[0])
+        raise InputError(
+            f"{data.path}: row {row + 1}: the displacement is {measured[row]:g}; a diagnosis compares logarithms and "
+            "needs positive amplitudes. Leave the row out."
+        )
+    index = {label: number for number, label in enumerate(data.labels)}
+    sonication = np.array([index[label] for label in data.sonication])
+    temperature = np.full(len(measured), np.nan) if data.temperature is None else np.asarray(data.temperature, float)
+    time = np.full(len(measured), np.nan) if data.time is None else np.asarray(data.time, float)
+    deviation = None if data.sd is None else np.asarray(data.sd) / measured
+    reference = np.abs(temperature - reference_temperature) < SAME_TEMPERATURE_K
+    reference &= measured == 100.0 if data.in_percent else False
+    rows = HmiRows(
+        np.log(measured), sonication, data.labels, temperature, time, reference, deviation, np.arange(len(measured))
+    )
+    if not data.in_percent or data.temperature is None:
+        return rows
+    missing = [number for number in range(len(data.labels)) if not np.any(reference[sonication == number])]
+    return _with_references(rows, missing, reference_temperature)
+
+
+def _with_references(rows: HmiRows, missing: list[int], temperature: float) -> HmiRows:
+    count = len(missing)
+    usual = None if rows.deviation is None else np.full(count, np.median(rows.deviation))
+    return HmiRows(
+        log_displacement=np.append(rows.log_displacement, np.full(count, np.log(100.0))),
+        sonication=np.append(rows.sonication, np.array(missing, dtype=int)),
+        labels=rows.labels,
+        temperature=np.append(rows.temperature, np.full(count, temperature)),
+        time=np.append(rows.time, np.full(count, np.nan)),
+        is_reference=np.append(rows.is_reference, np.ones(count, dtype=bool)),
+        deviation=None if rows.deviation is None or usual is None else np.append(rows.deviation, usual),
+        file_row=np.append(rows.file_row, np.full(count, -1)),
+    )
+
+
+def plan_courses(
+    data: HmiData,
+    rows: HmiRows,
+    model: Model,
+    protocol: StepwiseProtocol,
+    settings: Discretisation,
+    reference_temperature: float,
+) -> tuple[tuple[Course, ...], HmiRows]:
+    """Courses of the sonications, and the rows with the times at which the simulation gets to them.
+
+    Args:
+        data: What was measured.
+        rows: What `hmi_rows` makes of it.
+        model: Before any fit.
+        protocol: Of the sonications.
+        settings: Grids of heat.
+        reference_temperature: At which curves in percent are 100 [degC].
+    """
+    courses, time = [], rows.time.copy()
+    temperature = rows.temperature.copy()
+    for sweep in plan_sweeps(data, protocol, reference_temperature):
+        members = np.unique([rows.labels.index(data.sonication[row]) for row in sweep.rows])
+        mine = np.flatnonzero(np.isin(rows.sonication, members))
+        heating = simulate_heating(model, sweep.protocol, settings)
+        clock, focal = np.asarray(heating.time), np.asarray(heating.focal_temperature)
+        if sweep.in_time:
+            temperature[mine] = np.interp(time[mine], clock, focal)
+        unknown = mine[np.isnan(time[mine])]
+        time[unknown] = np.interp(temperature[unknown], focal, clock)
+        keys = np.stack([temperature[mine], time[mine], rows.is_reference[mine]], axis=-1)
+        states, places = np.unique(keys, axis=0, return_inverse=True)
+        end = [sweep.protocol.final_temperature, sweep.protocol.duration, 0.0]
+        conditions = _conditions(np.vstack([states, end]), heating, sweep.protocol, settings)
+        courses.append(Course(sweep.protocol, conditions, mine, places.ravel(), sweep.in_time))
+    return tuple(courses), dataclasses.replace(rows, time=time, temperature=temperature)
+
+
+def _conditions(
+    states: Float[np.ndarray, "state 3"], heating: Heating, protocol: StepwiseProtocol, settings: Discretisation
+) -> HmiConditions:
+    temperature, time, reference = states.T
+    clock, focal = np.asarray(heating.time), np.asarray(heating.focal_temperature)
+    dose = np.asarray(heating.dose)
+    grid = settings.heat_grid
+    z = int(np.argmin(np.abs(np.asarray(grid.z) - settings.focus)))
+    at_focus = dose[:, 0, z]
+    lethal = float(np.interp(_log(LETHAL_DOSE_MINUTES), _log(at_focus), clock, right=np.inf))
+    share = np.asarray(coagulated_fraction(jnp.asarray(at_focus), LETHAL_DOSE_MINUTES, width=COAGULATION_WIDTH))
+    drop = _off_axis_drop(heating, protocol, settings, z)
+    return HmiConditions(
+        temperature=jnp.asarray(temperature),
+        time=jnp.asarray(time),
+        share=jnp.asarray(time / protocol.duration),
+        rise_rate=jnp.asarray(np.interp(time, clock, np.gradient(focal, clock))),
+        coagulated=jnp.asarray(np.interp(time, clock, share)),
+        since_coagulation=jnp.asarray(np.maximum(time - lethal, 0.0)),
+        off_axis_drop=jnp.asarray(np.interp(time, clock, drop)),
+        is_reference=jnp.asarray(reference > 0.5),
+        start_temperature=jnp.asarray(protocol.start_temperature),
+        push_duration=jnp.asarray(protocol.push_duration),
+    )
+
+
+def _log(dose):
+    """Logarithm, held where there is no dose."""
+    return np.log(np.maximum(dose, 1e-30))
+
+
+def _off_axis_drop(
+    heating: Heating, protocol: StepwiseProtocol, settings: Discretisation, z: int
+) -> Float[np.ndarray, " time"]:
+    """Curvature of the rise across the axis by least squares over the cells beside it, relative to the rise [1/m^2]."""
+    r = np.asarray(settings.heat_grid.r)
+    beside = r < _BESIDE
+    rise = np.asarray(heating.temperature)[:, beside, z] - protocol.start_temperature
+    fit = np.polynomial.polynomial.polyfit(r[beside] ** 2, rise.T, 1)
+    drop = -fit[1][1:] / fit[0][1:]
+    return np.append(drop[:1], drop)

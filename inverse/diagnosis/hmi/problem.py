@@ -1,0 +1,181 @@
+"""A set of curves of displacement as a diagnosis sees it: residuals of the fit, and their derivatives in everything."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from arfjax import FastCurve
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.hmi.cause import HmiCause
+from inverse.diagnosis.hmi.chain import Course, largest_excess, log_reported
+from inverse.diagnosis.hmi.courses import HmiRows
+from inverse.diagnosis.noise import Ordering, series
+from inverse.inference.parameter_set import ParameterSet
+from inverse.inference.problem import State
+
+_MOST_AT_ONCE = 14
+"""Derivatives taken in one call of the compiled program; fewer are filled up."""
+
+
+class HmiProgram:
+    """The compiled simulation of one set of courses with all causes of a library in it.
+
+    A cause that is not put in stays at strength 0, where it is nothing. What is compiled does not know the data, so
+    that all data measured in the same states share it.
+
+    Unknowns are strengths and shapes of the whole library, then the unconstrained constants of the model.
+    """
+
+    def __init__(
+        self,
+        curve: FastCurve,
+        courses: Sequence[Course],
+        parameters: ParameterSet,
+        state: State,
+        causes: Sequence[HmiCause],
+        n_rows: int,
+    ) -> None:
+        """Prepare; compilation happens at the first use.
+
+        Args:
+            curve: The fast model.
+            courses: Of all sonications.
+            parameters: What is free in the model.
+            state: The model that they are put into.
+            causes: The library.
+            n_rows: Of all courses together.
+        """
+        self.causes, self.parameters, self.courses = tuple(causes), parameters, tuple(courses)
+        self.start = np.asarray(parameters.start(state), dtype=float)
+        scales = jnp.asarray([cause.plausible for cause in causes], dtype=float)
+        count = len(self.causes)
+
+        def parts(unknowns: Array):
+            model = parameters.write(state, parameters.values(unknowns[2 * count :])).model
+            extensions = tuple(Extension(cause, unknowns[count + i]) for i, cause in enumerate(self.causes))
+            return model, extensions, unknowns[:count] * scales
+
+        def predict(unknowns: Array) -> Array:
+            model, extensions, strengths = parts(unknowns)
+            return log_reported(curve, self.courses, model, extensions, strengths, n_rows=n_rows)
+
+        def excess(unknowns: Array) -> Array:
+            return largest_excess(curve, self.courses, *parts(unknowns))
+
+        def penalties(unknowns: Array) -> Array:
+            return parameters.penalties(parameters.values(unknowns[2 * count :]))
+
+        def slopes(unknowns: Array, directions: Array) -> Array:
+            return jax.vmap(lambda one: jax.jvp(predict, (unknowns,), (one,))[1], out_axes=1)(directions)
+
+        self._predict, self._slopes, self._excess = eqx.filter_jit(predict), eqx.filter_jit(slopes), jax.jit(excess)
+        self._penalties, self._penalty_slopes = jax.jit(penalties), jax.jit(jax.jacfwd(penalties))
+        self._model = lambda unknowns: parts(jnp.asarray(unknowns))[0]
+
+    @property
+    def n_unknowns(self) -> int:
+        """Strengths, shapes and constants."""
+        return 2 * len(self.causes) + len(self.start)
+
+    @property
+    def constants(self) -> np.ndarray:
+        """Places of the model's constants among the unknowns."""
+        return 2 * len(self.causes) + np.arange(len(self.start))
+
+    def null(self, constants: Float[np.ndarray, " m"] | None = None) -> Float[np.ndarray, " unknown"]:
+        """Unknowns without any cause, at the priors' middle or at given unconstrained constants."""
+        shapes = [cause.shapes[0] for cause in self.causes]
+        start = self.start if constants is None else constants
+        return np.concatenate([np.zeros(len(self.causes)), shapes, start])
+
+    def place(self, name: str) -> int:
+        """Place of a cause's strength among the unknowns; its shape is as many causes later.
+
+        Raises:
+            KeyError: if the library has no such cause.
+        """
+        for index, cause in enumerate(self.causes):
+            if cause.name == name:
+                return index
+        raise KeyError(f"the library has no cause {name}")
+
+    def predict(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " row"]:
+        """Logarithm of what is reported for every row, but for a factor of each sonication."""
+        return np.asarray(self._predict(jnp.asarray(unknowns)))
+
+    def slopes(self, unknowns: Float[np.ndarray, " unknown"], which: Sequence[int]) -> Float[np.ndarray, "row which"]:
+        """Derivative of the prediction in some of the unknowns."""
+        found = []
+        for first in range(0, len(which), _MOST_AT_ONCE):
+            part = list(which[first : first + _MOST_AT_ONCE])
+            directions = np.zeros((_MOST_AT_ONCE, self.n_unknowns))
+            directions[np.arange(len(part)), part] = 1.0
+            found.append(np.asarray(self._slopes(jnp.asarray(unknowns), jnp.asarray(directions)))[:, : len(part)])
+        return np.concatenate(found, axis=1) if found else np.zeros((0, 0))
+
+    def penalties(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " penalty"]:
+        """Distances of the constants from their priors' middle, in standard deviations."""
+        return np.asarray(self._penalties(jnp.asarray(unknowns)))
+
+    def penalty_slopes(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "penalty unknown"]:
+        """Their derivatives in the unknowns."""
+        return np.asarray(self._penalty_slopes(jnp.asarray(unknowns)))
+
+    def excess(self, unknowns: Float[np.ndarray, " unknown"]) -> float:
+        """How far the farthest state lies outside of what the fast model was trained on, above 1; covered up to 1."""
+        return float(self._excess(jnp.asarray(unknowns)))
+
+    def model(self, unknowns: Float[np.ndarray, " unknown"]):
+        """The model with the constants put in; causes are not in it."""
+        return self._model(unknowns)
+
+
+@dataclasses.dataclass(frozen=True)
+class HmiDiagnosisProblem:
+    """One data set, and the simulation of it.
+
+    Attributes:
+        rows: What was measured.
+        program: The simulation.
+        correction: Logarithm of the full simulation over the fast one where the fit is, added to every prediction.
+        notes: What was assumed, for the report.
+    """
+
+    rows: HmiRows
+    program: HmiProgram
+    correction: Float[np.ndarray, " row"]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def weights(self) -> Float[np.ndarray, " row"]:
+        """One over the relative standard deviation where the file gives it, else 1."""
+        return np.ones(len(self.rows)) if self.rows.deviation is None else 1.0 / self.rows.deviation
+
+    @property
+    def factors(self) -> Float[np.ndarray, "row sonication"]:
+        """Derivative of the prediction in the logarithm of each sonication's factor."""
+        return (self.rows.sonication[:, None] == np.arange(len(self.rows.labels))[None, :]).astype(float)
+
+    def residuals(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " row"]:
+        """Measured less predicted, weighted, each sonication's factor not yet taken off."""
+        return self.weights * (self.rows.log_displacement - self.program.predict(unknowns) - self.correction)
+
+    def slopes(self, unknowns: Float[np.ndarray, " unknown"], which: Sequence[int]) -> Float[np.ndarray, "row which"]:
+        """Derivative of the weighted prediction in some of the unknowns."""
+        return self.weights[:, None] * self.program.slopes(unknowns, which)
+
+    def orderings(self) -> tuple[Ordering, ...]:
+        """Neighbours in time within each sonication."""
+        return (series("time", self.rows.sonication.tolist(), self.rows.time),)
+
+    def coordinate(self) -> Float[np.ndarray, " row"]:
+        """Along which the noise may step [degC]."""
+        return self.rows.temperature
+
+
+OnStep = Callable[[str], None]

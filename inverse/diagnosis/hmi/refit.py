@@ -1,0 +1,236 @@
+"""The simulation with causes in it, fitted in full: constants, strengths, shapes and a factor of each sonication."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import optimize, stats
+
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.hmi.cause import HmiCause
+from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
+from inverse.diagnosis.noise import Noise
+from inverse.diagnosis.screening import Alternative
+
+INTERVAL_LEVEL = 0.95
+_TOLERANCE = 1e-6
+"""Relative change of the sum of squares at which a fit ends: far below what decides between causes."""
+_MOST_EVALUATIONS = 40
+_SMALL = 1e-3
+"""Part of the plausible strength at which one that cannot be negative starts at least."""
+_FARTHEST = 8.0
+"""Unconstrained numbers are kept within this many of the priors' spreads of their middle."""
+
+
+@dataclasses.dataclass(frozen=True)
+class HmiFit:
+    """A fit of the simulation with causes in it.
+
+    Attributes:
+        unknowns: Of the program.
+        extensions: What was added, in the shapes that fit best.
+        strengths: Of these.
+        intervals: Of the strengths at `INTERVAL_LEVEL`, from the curvature; one that cannot be negative has no part
+            below 0.
+        residuals: Measured less predicted, weighted, each sonication's factor taken off.
+        directions: Derivative of the weighted prediction in everything that was fitted.
+        misfit: Sum of squares of the residuals in coordinates in which the noise is white.
+        excess: How far outside of the fast model's range, above 1; covered up to 1.
+        converged: Whether it did, inside that range.
+        status: The outcome in words.
+    """
+
+    unknowns: Float[np.ndarray, " unknown"]
+    extensions: tuple[Extension[HmiCause], ...]
+    strengths: Float[np.ndarray, " extension"]
+    intervals: Float[np.ndarray, "extension 2"]
+    residuals: Float[np.ndarray, " row"]
+    directions: Float[np.ndarray, "row p"]
+    misfit: float
+    excess: float
+    converged: bool
+    status: str
+
+
+def fit_hmi(
+    problem: HmiDiagnosisProblem,
+    extensions: Sequence[Extension[HmiCause]],
+    noise: Noise,
+    *,
+    size: float,
+    start: Float[np.ndarray, " unknown"] | None = None,
+    strengths: Float[np.ndarray, " extension"] | None = None,
+    used: Bool[np.ndarray, " row"] | None = None,
+) -> HmiFit:
+    """Fit all constants, strengths and shapes together, with the priors of the constants.
+
+    Args:
+        problem: Data and simulation.
+        extensions: What to add, in the shapes to start from; none fits the model as it is.
+        noise: Member of the family that weighs the residuals.
+        size: Of the noise, in units of the weights: what the priors count against.
+        start: Unknowns to start from; the priors' middle without.
+        strengths: First guess of the strengths, in their units.
+        used: Rows to fit; all without.
+    """
+    return _Fitting(problem, tuple(extensions), noise, size, used).run(start, strengths)
+
+
+class _Fitting:
+    """One fit: which unknowns move, and the residuals in coordinates in which the noise is white."""
+
+    def __init__(self, problem, extensions, noise, size, used) -> None:
+        program = problem.program
+        self.problem, self.program, self.extensions = problem, program, extensions
+        self.noise, self.size = noise, size
+        self.strengths = np.array([program.place(e.cause.name) for e in extensions], dtype=int)
+        self.shapes = self.strengths + len(program.causes)
+        self.scales = np.array([e.cause.plausible for e in extensions])
+        shaped = self.shapes[[e.has_shape for e in extensions]] if extensions else self.shapes
+        self.moved = np.concatenate([self.strengths, shaped, program.constants]).astype(int)
+        self.mask = np.ones(len(problem.rows)) if used is None else used.astype(float)
+        # Rows that are left out weigh nothing; correlation with them is left out with them.
+        white = self._white(problem.weights[:, None] * problem.factors)
+        felt = white[:, np.linalg.norm(white, axis=0) > 0.0]
+        self.basis = np.linalg.qr(felt)[0]
+
+    def run(self, start, strengths) -> HmiFit:
+        first = self._first(start, strengths)
+        lower, upper = self._bounds(first)
+        kept: dict[bytes, np.ndarray] = {}
+
+        def whole(part):
+            unknowns = first.copy()
+            unknowns[self.moved] = part
+            return unknowns
+
+        def residuals(part):
+            if (key := part.tobytes()) not in kept:
+                kept.clear()
+                kept[key] = self._stacked(whole(part))
+            return kept[key]
+
+        solution = optimize.least_squares(
+            residuals,
+            np.clip(first, lower, upper)[self.moved],
+            jac=lambda part: self._slopes(whole(part)),  # pyright: ignore[reportArgumentType]
+            bounds=(lower[self.moved], upper[self.moved]),
+            x_scale="jac",
+            ftol=_TOLERANCE,
+            xtol=1e-8,
+            max_nfev=_MOST_EVALUATIONS,
+        )
+        return self._result(whole(solution.x), solution.jac, bool(solution.success), str(solution.message))
+
+    def _first(self, start, strengths) -> Float[np.ndarray, " unknown"]:
+        first = self.program.null() if start is None else start.copy()
+        first[: len(self.program.causes)] = 0.0
+        if self.extensions:
+            guess = np.zeros(len(self.extensions)) if strengths is None else strengths / self.scales
+            one_sided = np.array([e.cause.sign > 0 for e in self.extensions])
+            first[self.strengths] = np.where(one_sided, np.maximum(guess, _SMALL), guess)
+            first[self.shapes] = [float(e.shape) for e in self.extensions]
+        return first
+
+    def _bounds(self, first):
+        lower, upper = np.full(len(first), -np.inf), np.full(len(first), np.inf)
+        middle = self.program.start
+        spread = 1.0 / np.maximum(
+            np.abs(np.diag(self.program.penalty_slopes(self.program.null())[:, self.program.constants])), 1e-3
+        )
+        lower[self.program.constants], upper[self.program.constants] = (
+            middle - _FARTHEST * spread,
+            middle + _FARTHEST * spread,
+        )
+        for strength, shape, extension in zip(self.strengths, self.shapes, self.extensions, strict=True):
+            lower[strength] = 0.0 if extension.cause.sign > 0 else -np.inf
+            lower[shape], upper[shape] = extension.cause.shapes[0], extension.cause.shapes[-1]
+        return lower, upper
+
+    def _white(self, columns):
+        """Columns in which the noise is white; rows that are not used are 0, and no neighbours of any other."""
+        if np.all(self.mask > 0.0):
+            return self.noise.whiten(columns)
+        previous = self.noise.ordering.previous
+        follows = (previous >= 0) & (self.mask[previous] > 0.0)
+        ordering = dataclasses.replace(self.noise.ordering, previous=np.where(follows, previous, -1))
+        return self.mask[:, None] * dataclasses.replace(self.noise, ordering=ordering).whiten(columns)
+
+    def _free_of_factors(self, columns):
+        white = self._white(columns)
+        return white - self.basis @ (self.basis.T @ white)
+
+    def _stacked(self, unknowns):
+        data = self._free_of_factors(self.problem.residuals(unknowns)[:, None])[:, 0]
+        return np.concatenate([data, self.size * self.program.penalties(unknowns)])
+
+    def _slopes(self, unknowns):
+        data = -self._free_of_factors(self.problem.slopes(unknowns, self.moved.tolist()))
+        return np.concatenate([data, self.size * self.program.penalty_slopes(unknowns)[:, self.moved]])
+
+    def _result(self, unknowns, jacobian, success, status) -> HmiFit:
+        problem, count = self.problem, len(self.extensions)
+        weighted = problem.weights[:, None] * problem.factors
+        raw = problem.residuals(unknowns)
+        # The factors by least squares in white coordinates, then taken off the residuals as they are.
+        factors = np.linalg.lstsq(self._white(weighted), self._white(raw[:, None])[:, 0], rcond=None)[0]
+        data = self._free_of_factors(raw[:, None])[:, 0]
+        rows = int(np.sum(self.mask))
+        freedom = max(rows - problem.factors.shape[1] - len(self.moved), 1)
+        size = float(np.sqrt(data @ data / freedom))
+        errors = _errors(jacobian, size)[:count]
+        reach = float(stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, freedom))
+        ends = unknowns[self.strengths, None] + reach * errors[:, None] * np.array([-1.0, 1.0])
+        one_sided = np.array([e.cause.sign > 0 for e in self.extensions], dtype=bool)
+        ends = np.where(one_sided[:, None], np.maximum(ends, 0.0), ends)
+        excess = self.program.excess(unknowns)
+        covered = excess <= 1.0
+        return HmiFit(
+            unknowns=unknowns,
+            extensions=tuple(
+                Extension(e.cause, float(shape))
+                for e, shape in zip(self.extensions, unknowns[self.shapes], strict=True)
+            ),
+            strengths=unknowns[self.strengths] * self.scales,
+            intervals=ends * self.scales[:, None],
+            residuals=raw - weighted @ factors,
+            directions=np.concatenate([problem.slopes(unknowns, self.moved.tolist()), weighted], axis=1),
+            misfit=float(data @ data),
+            excess=excess,
+            converged=success and covered,
+            status=status if covered else f"the fit leaves the range of the fast model (excess {excess:.2f} of 1)",
+        )
+
+
+def _errors(jacobian: Float[np.ndarray, "n p"], size: float) -> Float[np.ndarray, " p"]:
+    """Standard errors of all unknowns, priors included."""
+    lengths = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    _, singular, directions = np.linalg.svd(jacobian / lengths, full_matrices=False)
+    kept = singular > 1e-9 * singular[0]
+    return size * np.sqrt(np.sum((directions[kept] / singular[kept, None]) ** 2, axis=0)) / lengths
+
+
+def alternatives_at(
+    problem: HmiDiagnosisProblem, unknowns: Float[np.ndarray, " unknown"], left_out: Sequence[str] = ()
+) -> list[Alternative]:
+    """Derivative of the weighted prediction in the strength of every cause in every shape, at a fit.
+
+    Args:
+        problem: Data and simulation.
+        unknowns: Of the fit.
+        left_out: Causes that are in the fit already.
+    """
+    program, found = problem.program, []
+    causes = [(i, cause) for i, cause in enumerate(program.causes) if cause.name not in left_out]
+    for number in range(max((len(cause.shapes) for _, cause in causes), default=0)):
+        at, here = unknowns.copy(), [(i, cause) for i, cause in causes if number < len(cause.shapes)]
+        for i, cause in here:
+            at[len(program.causes) + i] = cause.shapes[number]
+        slopes = problem.slopes(at, [i for i, _ in here])
+        for column, (_, cause) in enumerate(here):
+            shape = cause.shapes[number] if len(cause.shapes) > 1 else None
+            # In the strength's own unit: the program counts in plausible strengths.
+            direction = slopes[:, [column]] / cause.plausible
+            found.append(Alternative(cause.name, direction, cause.sign, shape))
+    return found
