@@ -29,9 +29,9 @@ from benchmarks.diagnosis_limits import limits, removed_limits
 from benchmarks.diagnosis_summary import summarise
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
+from inverse.diagnosis.dma_examination import examine_dma
 from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
-from inverse.diagnosis.examination import Examined, examine
-from inverse.diagnosis.extended_fit import fit_extended
+from inverse.diagnosis.examination import Examined
 from inverse.dma_fit import FRACTIONAL
 from tests.blind import dma_generator as blind
 
@@ -86,7 +86,7 @@ def one_set(condition: Condition, seed: int) -> dict:
     problem, key = measured(seed, name=condition.name, d_prime=condition.d_prime, noise=condition.noise)
     removed = condition.name if condition.part == "removed" else ""
     library = [cause for cause in DMA_CAUSES if cause.name != removed]
-    found = examine(problem, library, np.random.default_rng(seed), program=DMA_CAUSES)
+    found = examine_dma(problem, library, np.random.default_rng(seed), program=DMA_CAUSES)
     decision = found.decision
     ranked = decision.ranked(list(dict.fromkeys(a.name for a in found.seen)))
     line = dataclasses.asdict(condition) | {
@@ -112,7 +112,7 @@ def _strength(found: Examined, name: str, key: dict) -> dict:
     extension = found.extension(name)
     noise = found.family[found.decision.tests[name].null_noise]
     start = found.linear_strengths((extension,))
-    refit = fit_extended(found.problem, (extension,), noise, start, library=found.causes)
+    refit = found.fit((extension,), noise, start, True)
     hidden = key["strength_of_readings"]
     lower, upper = (float(end) for end in refit.intervals[0])
     return {

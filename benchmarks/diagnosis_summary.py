@@ -28,16 +28,22 @@ def summarise(
 
     Args:
         lines: One for each data set.
-        limit: From `limits`.
+        limit: From `limits`; empty where there are none.
         removed: From `removed_limits`.
     """
     known = _grouped((line for line in lines if line["part"] == "known"), lambda line: f"{line['d_prime']:g}")
     return {
         "known": {
-            d: {name: _known(part) | {"limit": limit[d][name]} for name, part in _grouped(of_d, _name).items()}
+            d: {
+                name: _known(part) | ({"limit": limit[d][name]} if d in limit else {})
+                for name, part in _grouped(of_d, _name).items()
+            }
             for d, of_d in known.items()
         },
-        "all known": {d: _known(of_d) | {"limit": _mean_limit(of_d, limit[d])} for d, of_d in known.items()},
+        "all known": {
+            d: _known(of_d) | ({"limit": _mean_limit(of_d, limit[d])} if d in limit else {})
+            for d, of_d in known.items()
+        },
         "null": {
             noise: rate([line["verdict"] in ("named", "confusable", "unexplained") for line in part])
             for noise, part in _grouped((ln for ln in lines if ln["part"] == "null"), lambda ln: ln["noise"]).items()

@@ -130,9 +130,11 @@ def descend(
         factor: Coordinates, one a column, in which the function curves by about one; from the curvature at the start
             if not given.
     """
-    about = None if factor is not None else expand(gradient, start)
-    axes = factor if about is None else whitening(about.curvature)
-    begun = gradient(start)[0] if about is None else about.value
+    if factor is None:
+        about = expand(gradient, start)
+        axes, begun = whitening(about.curvature), about.value
+    else:
+        axes, begun = factor, gradient(start)[0]
     nowhere = max(_NOWHERE, 10.0 * abs(begun)) if np.isfinite(begun) else _NOWHERE
 
     def cost(z: Float[np.ndarray, " n"]) -> tuple[float, Float[np.ndarray, " n"]]:

@@ -10,8 +10,9 @@ import typer
 from arfjax import InputError
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.output import output_directory, sha256, write_summary
-from inverse.diagnosis import DMA_CAUSES, Diagnosis
-from inverse.diagnosis.diagnose import diagnose, find_causes
+from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES, Diagnosis
+from inverse.diagnosis.cause import Cause
+from inverse.diagnosis.diagnose import Diagnosed, diagnose, find_causes
 
 
 class NullModel(enum.StrEnum):
@@ -22,9 +23,13 @@ class NullModel(enum.StrEnum):
 
 
 def diagnose_command(
-    dma: Annotated[Path, typer.Option(help="CSV file: frequency, temperature, storage and loss modulus.")],
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
-    model: Annotated[NullModel, typer.Option(help="Solid to examine, fitted at each temperature.")] = (
+    experiment: Annotated[Path | None, typer.Argument(help="Experiment file (TOML); needed for HMI.")] = None,
+    dma: Annotated[
+        Path | None, typer.Option(help="CSV file: frequency, temperature, storage and loss modulus.")
+    ] = None,
+    hmi: Annotated[Path | None, typer.Option(help="CSV file: sonication, time or temperature, displacement.")] = None,
+    model: Annotated[NullModel, typer.Option(help="Solid to examine in a DMA, fitted at each temperature.")] = (
         NullModel.FRACTIONAL
     ),
     causes: Annotated[str, typer.Option(help="Names to look for, by commas; all without.")] = "",
@@ -34,37 +39,77 @@ def diagnose_command(
     seed: Annotated[int, typer.Option(help="Seed of starts and replicates.", min=0)] = 0,
     trust_units: Annotated[bool, typer.Option("--trust-units", help="Believe units that look wrong.")] = False,
 ) -> None:
-    """Say whether the model of a DMA file is wrong, by which named cause, and what mending it is worth.
+    """Say whether the model of a DMA file or of HMI curves is wrong, by which cause, and what mending it is worth.
 
-    Writes diagnosis.json, report.md, a figure (PNG and PDF) and summary.json into the folder `out`.
+    Writes diagnosis.json, report.md, a figure (PNG and PDF) and summary.json into the folder `out`; with both files,
+    into its folders `dma` and `hmi`.
     """
     jax.config.update("jax_enable_x64", True)
+    if dma is None and hmi is None:
+        raise InputError("diagnose needs data: --dma FILE, or --hmi FILE with an experiment file.")
+    if hmi is not None and experiment is None:
+        raise InputError("HMI is diagnosed in its experiment: give the experiment file (TOML) before the options.")
     wanted = [name.strip() for name in causes.split(",") if name.strip()]
-    library = find_causes(wanted or DMA_CAUSES)
+    parts = {kind: file for kind, file in (("dma", dma), ("hmi", hmi)) if file is not None}
+    chosen, places = _chosen(wanted, list(parts)), _places(list(parts))
+    found: dict[str, Diagnosed] = {}
     with output_directory(out) as folder:
-        with working("fitting") as show:
-            try:
-                found = diagnose(
-                    dma,
-                    model=model.value,
-                    causes=library,
-                    level=level,
-                    seed=seed,
-                    trust_units=trust_units,
-                    on_step=show,
-                )
-            except ValueError as error:
-                raise (error if isinstance(error, InputError) else InputError(f"{dma}: {error}")) from None
-        found.write(folder)
+        for kind, file in parts.items():
+            with working(f"diagnosing {kind}") as show:
+                try:
+                    found[kind] = diagnose(
+                        dma if kind == "dma" else None,
+                        hmi=hmi if kind == "hmi" else None,
+                        experiment=experiment if kind == "hmi" else None,
+                        model=model.value,
+                        causes=chosen[kind],
+                        level=level,
+                        seed=seed,
+                        trust_units=trust_units,
+                        on_step=show,
+                    )
+                except ValueError as error:
+                    raise (error if isinstance(error, InputError) else InputError(f"{file}: {error}")) from None
+            found[kind].write(folder / places[kind])
+        results = {
+            kind: {
+                "verdict": one.verdict,
+                "diagnosis_sha256": sha256(folder / places[kind] / "diagnosis.json"),
+            }
+            for kind, one in found.items()
+        }
         write_summary(
             folder,
             command="diagnose",
-            inputs={"dma": dma},
+            inputs={**parts, **({} if experiment is None else {"experiment": experiment})},
             seed=seed,
-            settings={"model": model.value, "causes": [c.name for c in library], "level": level},
-            results={"verdict": found.verdict, "diagnosis_sha256": sha256(folder / "diagnosis.json")},
+            settings={"model": model.value, "causes": [c.name for k in parts for c in chosen[k]], "level": level},
+            results=results,
         )
-    _show(found.details, out)
+    for kind, one in found.items():
+        _show(one.details, out / places[kind])
+
+
+def _places(kinds: list[str]) -> dict[str, str]:
+    """Folder of each diagnosis below the one that was asked for."""
+    return {kind: kind if len(kinds) > 1 else "" for kind in kinds}
+
+
+def _chosen(wanted: list[str], kinds: list[str]) -> dict[str, tuple[Cause, ...]]:
+    """Causes of each kind of data; with both, names of either.
+
+    Raises:
+        InputError: if a name is in no library.
+    """
+    libraries: dict[str, tuple[Cause, ...]] = {"dma": DMA_CAUSES, "hmi": HMI_CAUSES}
+    if len(kinds) == 1:
+        return {kinds[0]: find_causes(wanted or libraries[kinds[0]], libraries[kinds[0]])}
+    known = {cause.name for kind in kinds for cause in libraries[kind]}
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"causes: there is no cause '{name}'; there are {', '.join(sorted(known))}.")
+    chosen = {kind: tuple(c for c in libraries[kind] if not wanted or c.name in wanted) for kind in kinds}
+    return {kind: causes or libraries[kind] for kind, causes in chosen.items()}
 
 
 def _show(found: Diagnosis, out: Path) -> None:

@@ -5,5 +5,7 @@ from inverse.diagnosis.causes import DMA_CAUSES as DMA_CAUSES
 from inverse.diagnosis.diagnosis import VERDICTS as VERDICTS
 from inverse.diagnosis.diagnosis import CauseReport as CauseReport
 from inverse.diagnosis.diagnosis import Diagnosis as Diagnosis
-from inverse.diagnosis.diagnosis import diagnose_dma as diagnose_dma
-from inverse.diagnosis.where import describe_correction as describe_correction
+from inverse.diagnosis.dma_diagnosis import diagnose_dma as diagnose_dma
+from inverse.diagnosis.hmi.cause import HmiCause as HmiCause
+from inverse.diagnosis.hmi.causes import HMI_CAUSES as HMI_CAUSES
+from inverse.diagnosis.hmi.diagnosis import diagnose_hmi as diagnose_hmi

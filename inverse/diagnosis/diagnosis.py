@@ -1,22 +1,20 @@
-"""The diagnosis of a dynamic mechanical analysis, from the data to a verdict."""
+"""From an examined data set to the answer, whatever was measured."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from jaxtyping import Float
 
-from inverse.datasets.dma import DmaData
-from inverse.diagnosis.cause import DmaCause, Extension
-from inverse.diagnosis.causes import DMA_CAUSES
+from inverse.diagnosis.cause import Cause, Extension
 from inverse.diagnosis.decision import REPLICATES, Decision
-from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
-from inverse.diagnosis.examination import Examined, NotTestable, detectable_strength, examine
-from inverse.diagnosis.extended_fit import ExtendedFit, fit_extended
-from inverse.diagnosis.gain import Gain, held_out_gain
-from inverse.diagnosis.noise_gate import NoiseGate, noise_gate
+from inverse.diagnosis.examination import Examined, FullFit, NotTestable, detectable_strength
+from inverse.diagnosis.gain import Gain
+from inverse.diagnosis.noise import Noise
+from inverse.diagnosis.noise_gate import NoiseGate, Repeats, noise_gate
 from inverse.diagnosis.screening import Screen, visibility
-from inverse.diagnosis.where import Absorbed, Whiteness, absorbed_by_places, whiteness
-from inverse.dma_fit import FRACTIONAL, ZenerModel
+from inverse.diagnosis.where import Absorbed, Axis, Whiteness, absorbed_by_places, whiteness
 
 VERDICTS = ("adequate", "named", "confusable", "unexplained", "noise-model", "fit-failure")
 LOWEST_LEVEL = 0.005
@@ -24,6 +22,39 @@ LOWEST_LEVEL = 0.005
 DOMINANT_SHARE, DOMINANT_RATIO = 0.25, 2.0
 """A cause is named although something is left if it leaves at most this part of the sum of squares, and the next best
 cause leaves at least this many times as much."""
+
+
+@runtime_checkable
+class Account(Protocol):
+    """What a report has to know of the data and of the model behind them."""
+
+    @property
+    def model(self) -> str:
+        """Name of the model that was examined."""
+        ...
+
+    @property
+    def sentence(self) -> str:
+        """The model and the data, in half a sentence."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed."""
+        ...
+
+    @property
+    def stated_deviations(self) -> bool:
+        """Whether the data give standard deviations."""
+        ...
+
+    def describe(self, place: Absorbed) -> str:
+        """Where a correction of no name is largest, its sign and its size."""
+        ...
+
+    def shift(self, extended: Any) -> list[str]:
+        """How the fitted constants move when the extension is in the model: lines of Markdown."""
+        ...
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,7 +76,7 @@ class CauseReport:
         converged: Whether the refit did; True where there was none.
     """
 
-    cause: DmaCause
+    cause: Cause
     shape: float | None
     statistic: float
     p_value: float
@@ -65,7 +96,9 @@ class Diagnosis:
     Attributes:
         verdict: One of `VERDICTS`.
         level: Probability of finding something wrong where nothing is.
-        problem: The data and the fit.
+        account: Of data and model, for the report.
+        problem: The data and the model: `DmaProblem` or `HmiDiagnosisProblem`.
+        residuals: Of the fit without extensions: measured less predicted, weighted.
         decision: Statistics behind the verdict; None after a failure of the fit.
         causes: In rank order.
         not_testable: What these data cannot see.
@@ -80,14 +113,16 @@ class Diagnosis:
 
     verdict: str
     level: float
-    problem: DmaProblem
+    account: Account
+    problem: Any
+    residuals: Float[np.ndarray, " n"]
     decision: Decision | None
     causes: tuple[CauseReport, ...]
     not_testable: tuple[NotTestable, ...]
     noise: NoiseGate | None
     residuals_whiteness: tuple[Whiteness, ...]
     places: tuple[Absorbed, ...]
-    extended: ExtendedFit | None
+    extended: FullFit | None
     gain: Gain | None
     audit: tuple[str, ...]
     seed: int
@@ -107,74 +142,90 @@ class Diagnosis:
         return (self.decision.confusable,) if self.decision is not None and self.decision.confusable else ()
 
 
-def diagnose_dma(
-    data: DmaData,
-    *,
-    model: ZenerModel = FRACTIONAL,
-    causes: Sequence[DmaCause] = DMA_CAUSES,
-    level: float = 0.05,
-    seed: int = 0,
-    replicates: int = REPLICATES,
-    gain: bool = True,
-    on_step: Callable[[str], None] = lambda _: None,
-) -> Diagnosis:
-    """Say what is wrong with the model of a dynamic mechanical analysis, and what mending it is worth.
+def failed(account: Account, problem: Any, residuals, audit: Sequence[str], *, level: float, seed: int) -> Diagnosis:
+    """The answer where the fit itself failed."""
+    return Diagnosis(
+        "fit-failure", level, account, problem, residuals, None, (), (), None, (), (), None, None, tuple(audit), seed
+    )
 
-    Args:
-        data: From `read_dma`, in the order of the file.
-        model: The null model, fitted to every sweep by itself.
-        causes: The library to look in.
-        level: Probability of finding something wrong where nothing is.
-        seed: Of starts and replicates.
-        replicates: Data sets of noise alone that error rates are calibrated on.
-        gain: Whether to measure the held-out gain.
-        on_step: Told what is being done.
+
+def require_level(level: float) -> None:
+    """Refuse a level that replicates cannot show.
 
     Raises:
-        ValueError: if there are too few data, `level` is out of range, or JAX runs in single precision.
+        ValueError: if it is out of range.
     """
     if not LOWEST_LEVEL <= level < 1.0:
         raise ValueError(f"`level` must be from {LOWEST_LEVEL:g} to 1, got {level:g}.")
-    on_step("fitting")
-    problem, _ = dma_problem(data, model, seed=seed)
-    audit = _audit(problem)
-    failed = [fit for fit in problem.fits if not fit.converged]
-    if failed:
-        return Diagnosis("fit-failure", level, problem, None, (), (), None, (), (), None, None, audit, seed)
 
-    on_step("testing all causes")
-    rng = np.random.default_rng(seed)
-    examined = examine(problem, causes, rng, level=level, replicates=replicates)
+
+def conclude(
+    examined: Examined,
+    account: Account,
+    problem: Any,
+    rng: np.random.Generator,
+    *,
+    audit: Sequence[str],
+    axes: Sequence[Axis],
+    repeats: Repeats | None,
+    gain: Callable[[FullFit, Noise], Gain | None] | None,
+    level: float,
+    seed: int,
+    replicates: int = REPLICATES,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Refit what was found, measure its gain, and look at noise and remainder.
+
+    Args:
+        examined: The data and what the tests say.
+        account: Of data and model.
+        problem: Of these.
+        rng: For replicates.
+        audit: What the fit says against its numbers.
+        axes: Along which residuals are tested for correlation.
+        repeats: Scatter of repeated readings, if there are any.
+        gain: Measures what an extension gains on data left out.
+        level: Of the omnibus test.
+        seed: Of every random number, for the record.
+        replicates: Of noise alone.
+        on_step: Told what is being done.
+    """
     decision = _with_dominant(examined)
     verdict, extended, worth = decision.verdict, None, None
     added = _chosen(examined, decision)
     noise = examined.family[decision.last.null_noise]
     if added:
         on_step("refitting with " + " and ".join(e.cause.name for e in added))
-        extended = fit_extended(problem, added, noise, examined.linear_strengths(added), library=causes)
-        if gain:
+        extended = examined.fit(added, noise, examined.linear_strengths(added), True)
+        if gain is not None:
             on_step("measuring the gain on data left out")
-            worth = held_out_gain(problem, extended.extensions, noise, extended.strengths, library=causes)
+            worth = gain(extended, noise)
     directions, left = examined.fitted, examined.residuals
     if extended is not None:
         directions, left = extended.directions, extended.residuals
+    on_step("refitting what else is possible")
     reports = _reports(examined, decision, extended)
-    gate = noise_gate(Screen(directions, (), examined.family), left, problem, rng, replicates=replicates)
+    gate = noise_gate(
+        Screen(directions, (), examined.family), left, rng,
+        stated=account.stated_deviations, repeats=repeats, replicates=replicates,
+    )  # fmt: skip
     if verdict == "adequate" and not gate.as_thought:
         verdict = "noise-model"
     return Diagnosis(
         verdict=verdict,
         level=level,
+        account=account,
         problem=problem,
+        residuals=examined.residuals,
         decision=decision,
         causes=reports,
         not_testable=examined.not_testable,
         noise=gate,
-        residuals_whiteness=whiteness(problem, examined.residuals, examined.fitted, rng),
+        residuals_whiteness=whiteness(axes, examined.residuals, examined.fitted, rng),
         places=absorbed_by_places(decision.last, examined.places, left, directions),
         extended=extended,
         gain=worth,
-        audit=audit,
+        audit=tuple(audit),
         seed=seed,
     )
 
@@ -191,9 +242,7 @@ def _with_dominant(examined: Examined) -> Decision:
     for name in decision.candidates:
         extension = examined.extension(name)
         start = examined.linear_strengths((extension,))
-        refit = fit_extended(
-            examined.problem, (extension,), examined.family[0], start, library=examined.causes, profile=False
-        )
+        refit = examined.fit((extension,), examined.family[0], start, False)
         after[name] = float(np.sum(refit.residuals**2))
     ranked = sorted(after, key=lambda name: after[name])
     if not ranked or after[ranked[0]] > DOMINANT_SHARE * before:
@@ -204,30 +253,18 @@ def _with_dominant(examined: Examined) -> Decision:
     return dataclasses.replace(decision, explanations=((best,),), last=decision.tests[best])
 
 
-def _audit(problem: DmaProblem) -> tuple[str, ...]:
-    """What each fit says about itself."""
-    remarks = []
-    for fit in problem.fits:
-        if not fit.converged:
-            remarks.append(f"{fit.sweep.label}: {fit.status}.")
-        elif fit.n_agreeing < 2:
-            remarks.append(f"{fit.sweep.label}: only one of {fit.n_starts} starts reached the best fit.")
-        remarks += [f"{fit.sweep.label}: {warning}" for warning in fit.warnings if fit.converged]
-    return tuple(remarks)
-
-
 def _chosen(examined: Examined, decision: Decision) -> tuple[Extension, ...]:
     """What goes into the model: the best explanation."""
     return tuple(examined.extension(name) for name in (decision.explanations or ((),))[0])
 
 
-def _reports(examined: Examined, decision: Decision, extended: ExtendedFit | None) -> tuple[CauseReport, ...]:
+def _reports(examined: Examined, decision: Decision, extended: FullFit | None) -> tuple[CauseReport, ...]:
     """Every cause that the data can see, in rank order."""
     names = list(dict.fromkeys(alternative.name for alternative in examined.seen))
     return tuple(_report(examined, decision, extended, name) for name in decision.ranked(names))
 
 
-def _report(examined: Examined, decision: Decision, extended: ExtendedFit | None, name: str) -> CauseReport:
+def _report(examined: Examined, decision: Decision, extended: FullFit | None, name: str) -> CauseReport:
     extension, row = examined.extension(name), examined.row(name)
     strength = examined.linear_strengths((extension,))
     direction = examined.direction(extension)
@@ -240,7 +277,7 @@ def _report(examined: Examined, decision: Decision, extended: ExtendedFit | None
     if refit is None and name in decision.candidates:
         noise = examined.family[decision.tests[name].null_noise]
         kept = name in decision.possible
-        refit = fit_extended(examined.problem, (extension,), noise, strength, library=examined.causes, profile=kept)
+        refit = examined.fit((extension,), noise, strength, kept)
     if refit is not None:
         estimate, converged = float(refit.strengths[which]), refit.converged
         interval = (float(refit.intervals[which, 0]), float(refit.intervals[which, 1]))
@@ -260,7 +297,7 @@ def _report(examined: Examined, decision: Decision, extended: ExtendedFit | None
     )
 
 
-def _interval(estimate: float, error: float, cause: DmaCause) -> tuple[float, float]:
+def _interval(estimate: float, error: float, cause: Cause) -> tuple[float, float]:
     lower, upper = estimate - 1.96 * error, estimate + 1.96 * error
     return (max(lower, 0.0), max(upper, 0.0)) if cause.sign > 0 else (lower, upper)
 

@@ -1,18 +1,17 @@
 """A data set examined: which causes it can see, and what the tests of all of them say."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
-from inverse.diagnosis.cause import DmaCause, Extension, every_shape
-from inverse.diagnosis.decision import REPLICATES, Decision, Refitted, decide
-from inverse.diagnosis.dma_problem import DmaProblem
-from inverse.diagnosis.extended_fit import fit_extended
-from inverse.diagnosis.free_forms import Place, dma_free_forms
-from inverse.diagnosis.noise import Noise, noise_family
-from inverse.diagnosis.screening import Alternative, Screen, visibility
+from inverse.diagnosis.cause import Cause, Extension
+from inverse.diagnosis.decision import Decision
+from inverse.diagnosis.free_forms import Place
+from inverse.diagnosis.noise import Noise
+from inverse.diagnosis.screening import Alternative, visibility
 
 DETECTABLE = 4.5
 """d' at which an effect counts as detectable: it is found in about 96 of 100 data sets."""
@@ -37,12 +36,50 @@ class NotTestable:
     what_would_help: str
 
 
+@runtime_checkable
+class FullFit(Protocol):
+    """The model with extensions in it, fitted in full; see `ExtendedFit` and `HmiFit`."""
+
+    @property
+    def extensions(self) -> tuple[Extension, ...]:
+        """What was added, in the shapes that fit best."""
+        ...
+
+    @property
+    def strengths(self) -> Float[np.ndarray, " extension"]:
+        """Of the extensions."""
+        ...
+
+    @property
+    def intervals(self) -> Float[np.ndarray, "extension 2"]:
+        """Of the strengths at 95 %."""
+        ...
+
+    @property
+    def residuals(self) -> Float[np.ndarray, " n"]:
+        """Measured less predicted, weighted."""
+        ...
+
+    @property
+    def directions(self) -> Float[np.ndarray, "n p"]:
+        """Derivative of the weighted prediction in everything that was fitted."""
+        ...
+
+    @property
+    def converged(self) -> bool:
+        """Whether it did."""
+        ...
+
+
+FitFull = Callable[[Sequence[Extension], Noise, Float[np.ndarray, " extension"], bool], FullFit]
+"""Fits extensions in noise of a kind, from first guesses of their strengths; last, whether intervals are profiled."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Examined:
     """A data set examined: what it can see, and what follows.
 
     Attributes:
-        problem: The data and the fit.
         causes: The library.
         residuals: Measured less predicted, weighted.
         fitted: Derivatives in the fitted constants.
@@ -52,10 +89,10 @@ class Examined:
         places: Where the free forms act.
         family: Noise members.
         decision: What follows.
+        fit: Puts extensions into the model and fits it in full.
     """
 
-    problem: DmaProblem
-    causes: tuple[DmaCause, ...]
+    causes: tuple[Cause, ...]
     residuals: Float[np.ndarray, " n"]
     fitted: Float[np.ndarray, "n p"]
     size: float
@@ -64,12 +101,11 @@ class Examined:
     places: tuple[Place, ...]
     family: tuple[Noise, ...]
     decision: Decision
+    fit: FitFull
 
     def extension(self, name: str) -> Extension:
         """The cause of this name in its most probable shape."""
-        cause = next(cause for cause in self.causes if cause.name == name)
-        shape = self.alternative(name).shape
-        return Extension(cause, 0.0 if shape is None else shape)
+        return extension_of(self.causes, self.alternative(name))
 
     def alternative(self, name: str) -> Alternative:
         """The most probable shape of the cause of this name."""
@@ -89,86 +125,17 @@ class Examined:
     def linear_strengths(self, extensions: Sequence[Extension]) -> Float[np.ndarray, " extension"]:
         """Strengths of the extensions together in the linearised model: where a refit starts."""
         added = [self.alternative(extension.cause.name) for extension in extensions]
-        return _linear_strengths(added, self.residuals, self.fitted)
+        return linear_strengths(added, self.residuals, self.fitted)
 
 
-def examine(
-    problem: DmaProblem,
-    causes: Sequence[DmaCause],
-    rng: np.random.Generator,
-    *,
-    level: float = 0.05,
-    replicates: int = REPLICATES,
-    program: Sequence[DmaCause] = (),
-) -> Examined:
-    """Test every cause and every free form on a fitted data set.
-
-    Args:
-        problem: The data and the fit.
-        causes: The library to look in.
-        rng: For replicates.
-        level: Probability of finding something wrong where nothing is.
-        replicates: Data sets of noise alone that error rates are calibrated on.
-        program: Causes that the compiled refits hold beside the library, so that other libraries need no others.
-    """
-    program = (*program, *(cause for cause in causes if cause.name not in {one.name for one in program}))
-    family = noise_family(problem.orderings(), problem.frequencies())
-    residuals, fitted, constants = _fitted_in_its_noise(problem, family, program)
-    size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
-    free_forms, places = _free_forms(problem, residuals)
-    seen, not_testable = _testable(problem.directions(every_shape(causes), constants), fitted, size, causes)
-    by_name = {cause.name: cause for cause in causes}
-
-    def extend(added: Sequence[Alternative], noise: Noise) -> Refitted:
-        extensions = [Extension(by_name[a.name], 0.0 if a.shape is None else a.shape) for a in added]
-        start = _linear_strengths(added, residuals, fitted)
-        refit = fit_extended(problem, extensions, noise, start, library=program, profile=False)
-        return Refitted(refit.residuals, refit.directions, refit.misfit, refit.others)
-
-    decision = decide(
-        residuals, fitted, seen, free_forms, family, rng, extend=extend, level=level, replicates=replicates
-    )
-    return Examined(
-        problem, tuple(causes), residuals, fitted, size, tuple(seen), not_testable, tuple(places), family, decision
-    )
+def extension_of(causes: Sequence[Cause], alternative: Alternative) -> Extension:
+    """The cause that an alternative stands for, in its shape."""
+    cause = next(cause for cause in causes if cause.name == alternative.name)
+    return Extension(cause, 0.0 if alternative.shape is None else alternative.shape)
 
 
-def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: Sequence[DmaCause]):
-    """Residuals, derivatives and constants of the model fitted in the likeliest kind of noise.
-
-    A fit that takes the noise for white strays farther than the linearisation holds where a part of the data is louder:
-    measured on noise that is three times larger above 40 Hz, one data set in six was found wrong for that alone.
-    """
-    residuals, fitted = problem.residuals(), problem.fitted_directions()
-    _, member, _ = Screen(fitted, (), family).noise_evidence(residuals[:, None])
-    if family[member[0]].is_white:
-        return residuals, fitted, problem.constants
-    refit = fit_extended(problem, (), family[member[0]], np.zeros(0), library=program, profile=False)
-    return refit.residuals, refit.directions, refit.constants
-
-
-def _free_forms(problem: DmaProblem, residuals: Float[np.ndarray, " n"]) -> tuple[list[Alternative], list[Place]]:
-    coordinates, conditions = problem.weights.shape[1], problem.conditions
-    predicted = problem.measured - residuals.reshape(problem.weights.shape) / problem.weights
-    phase = predicted[:, 1] if problem.has_phase else np.zeros(problem.rows)
-    forms, places = dma_free_forms(
-        problem.frequencies(),
-        np.repeat(np.asarray(problem.conditions.temperature), coordinates),
-        np.repeat(np.asarray(problem.conditions.sweep), coordinates),
-        np.tile(np.arange(coordinates), problem.rows),
-        tuple(sweep.label for sweep in problem.sweeps),
-        np.repeat(np.exp(predicted[:, 0] + 1j * phase), coordinates),
-        (
-            np.repeat(np.asarray(conditions.time_in_sweep), coordinates),
-            np.repeat(np.asarray(conditions.exposure), coordinates),
-        ),
-    )
-    weights = problem.weights.ravel()[:, None]
-    return [dataclasses.replace(form, directions=weights * form.directions) for form in forms], places
-
-
-def _testable(
-    alternatives: Sequence[Alternative], fitted: Float[np.ndarray, "n p"], size: float, causes: Sequence[DmaCause]
+def visible_alternatives(
+    alternatives: Sequence[Alternative], fitted: Float[np.ndarray, "n p"], size: float, causes: Sequence[Cause]
 ) -> tuple[list[Alternative], tuple[NotTestable, ...]]:
     """Alternatives that the data can see, and why the others cannot be seen."""
     seen, hidden = [], []
@@ -204,7 +171,7 @@ def detectable_strength(alternative: Alternative, visible: float, size: float) -
     return DETECTABLE * size / max(length, 1e-300)
 
 
-def _linear_strengths(
+def linear_strengths(
     alternatives: Sequence[Alternative], residuals: Float[np.ndarray, " n"], fitted: Float[np.ndarray, "n p"]
 ) -> Float[np.ndarray, " alternative"]:
     """Strengths of alternatives of one direction each in the linearised model, all residuals weighing the same."""

@@ -6,11 +6,23 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from inverse.diagnosis.dma_problem import DmaProblem
 from inverse.diagnosis.screening import Screen
 
 GATE_LEVEL = 0.01
 """Probability of calling white noise something else, for each of the questions."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Repeats:
+    """Readings that were taken again.
+
+    Attributes:
+        scatter: Pooled, weighted as the residuals are; NaN without any.
+        freedom: Degrees of freedom.
+    """
+
+    scatter: float
+    freedom: int
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,9 +67,10 @@ class NoiseGate:
 def noise_gate(
     screen: Screen,
     residuals: Float[np.ndarray, " n"],
-    problem: DmaProblem,
     rng: np.random.Generator,
     *,
+    stated: bool,
+    repeats: Repeats | None = None,
     replicates: int = 400,
 ) -> NoiseGate:
     """Examine the residuals of a model that is taken to be right.
@@ -65,8 +78,9 @@ def noise_gate(
     Args:
         screen: Of that model.
         residuals: Measured less predicted, weighted.
-        problem: For stated deviations and repeats.
         rng: For replicates of white Gaussian noise.
+        stated: Whether the residuals are in units of deviations that the data give.
+        repeats: Scatter of repeated readings, if there are any.
         replicates: How many.
     """
     white = rng.standard_normal((len(residuals), replicates))
@@ -74,33 +88,19 @@ def noise_gate(
     kurtosis = stats.kurtosis(left, axis=0)
     plain = screen.left_of(residuals)
     size = float(np.sqrt(np.sum(plain**2) / screen.freedom))
-    repeats, freedom = _repeats(problem)
+    again = Repeats(np.nan, 0) if repeats is None else repeats
     return NoiseGate(
         kind=screen.family[member[0]].describe(),
         p_white=_upper(gain),
         size=size,
-        p_size=float(stats.chi2.sf(size**2 * screen.freedom, screen.freedom)) if problem.stated_deviations else np.nan,
+        p_size=float(stats.chi2.sf(size**2 * screen.freedom, screen.freedom)) if stated else np.nan,
         excess_kurtosis=float(kurtosis[0]),
         p_tails=_upper(kurtosis),
-        repeats=repeats,
-        repeats_freedom=freedom,
+        repeats=again.scatter,
+        repeats_freedom=again.freedom,
     )
 
 
 def _upper(values: Float[np.ndarray, " batch"]) -> float:
     """Share of the replicates that are as large as the first value."""
     return float((1.0 + np.sum(values[1:] >= values[0])) / len(values))
-
-
-def _repeats(problem: DmaProblem) -> tuple[float, int]:
-    """Pooled scatter of rows that share sweep and frequency."""
-    rounded = np.round(np.log(np.asarray(problem.conditions.angular_frequency)), 4)
-    sweep = np.asarray(problem.conditions.sweep)
-    total, freedom = 0.0, 0
-    scaled = problem.measured * problem.weights
-    for key in set(zip(sweep.tolist(), rounded.tolist(), strict=True)):
-        rows = (sweep == key[0]) & (rounded == key[1])
-        if np.sum(rows) > 1:
-            total += float(np.sum((scaled[rows] - scaled[rows].mean(axis=0)) ** 2))
-            freedom += (int(np.sum(rows)) - 1) * scaled.shape[1]
-    return (float(np.sqrt(total / freedom)), freedom) if freedom else (np.nan, 0)

@@ -5,7 +5,6 @@ from typing import Any
 
 from inverse.diagnosis.decision import SET_LEVEL, UNEXPLAINED_LEVEL
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
-from inverse.diagnosis.where import describe_correction
 from inverse.software import versions
 
 SCHEMA_VERSION = 1
@@ -44,8 +43,8 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
         "whiteness": [vars(one) for one in found.residuals_whiteness],
         "unexplained": unexplained(found),
         "audit": list(found.audit),
-        "notes": list(found.problem.notes),
-        "model": found.problem.model.name,
+        "notes": list(found.account.notes),
+        "model": found.account.model,
         "seed": found.seed,
         "versions": versions(),
     }
@@ -59,7 +58,7 @@ def unexplained(found: Diagnosis) -> str | None:
     """The free-form correction in words, where structure remains."""
     if found.verdict != "unexplained" or not found.places:
         return None
-    return describe_correction(found.problem, found.places[0])
+    return found.account.describe(found.places[0])
 
 
 def _sentence(found: Diagnosis) -> str:
@@ -74,11 +73,10 @@ def report(found: Diagnosis, name: str, figures: list[str]) -> str:
     if found.decision is not None:
         lines += [
             f"That noise alone looks as bad: p = {found.decision.omnibus.p_value:.3g} (level {found.level:g}, "
-            f"calibrated on replicates of these residuals). Null model: {found.problem.model.name} Zener solid at each "
-            f"of {len(found.problem.sweeps)} sweeps, {found.problem.rows} rows.",
+            f"calibrated on replicates of these residuals). Null model: {found.account.sentence}.",
             "",
         ]
-    lines += [f"- {note}" for note in found.problem.notes]
+    lines += [f"- {note}" for note in found.account.notes]
     lines += ["", *(f"![{figure}]({figure})" for figure in figures), ""]
     lines += _named(found) + _table(found) + _where(found) + _noise(found) + _hidden(found)
     if found.audit:
@@ -114,16 +112,10 @@ def _named(found: Diagnosis) -> list[str]:
 
 
 def _shift(found: Diagnosis) -> list[str]:
-    """How the constants of the solid move when the extension is in the model."""
+    """How the fitted constants move when the extension is in the model."""
     if found.extended is None:
         return []
-    lines = ["| sweep | M_0 [Pa] | M_inf [Pa] | tau [s] | alpha |", "| --- | ---: | ---: | ---: | ---: |"]
-    for sweep, before, after in zip(
-        found.problem.sweeps, found.problem.constants, found.extended.constants, strict=True
-    ):
-        cells = [f"{b:.4g} → {a:.4g}" for b, a in zip(before, after, strict=True)]
-        lines.append(f"| {sweep.label} | {' | '.join(cells)} |")
-    return ["Constants without and with it:", "", *lines, ""]
+    return ["Constants without and with it:", "", *found.account.shift(found.extended), ""]
 
 
 def _strength(one: CauseReport) -> str:
@@ -174,7 +166,7 @@ def _noise(found: Diagnosis) -> list[str]:
     if found.noise is None:
         return []
     gate = found.noise
-    unit = "times the stated deviations" if found.problem.stated_deviations else "relative"
+    unit = "times the stated deviations" if found.account.stated_deviations else "relative"
     lines = [f"{gate.describe()[0].upper()}{gate.describe()[1:]}; size {gate.size:.3g} ({unit})."]
     if gate.repeats_freedom:
         lines += [f"Repeated measurements scatter by {gate.repeats:.3g} ({gate.repeats_freedom} degrees of freedom)."]

@@ -23,7 +23,7 @@ def diagnosis_figure(found: Diagnosis) -> Figure:
     """
     problem = found.problem
     coordinates = problem.weights.shape[1]
-    stages = [("the fitted model", problem.residuals())]
+    stages = [("the fitted model", found.residuals)]
     if found.extended is not None:
         names = " and ".join(extension.cause.name for extension in found.extended.extensions)
         stages.append((f"with {names}", found.extended.residuals))
@@ -52,7 +52,7 @@ def diagnosis_figure(found: Diagnosis) -> Figure:
         spec = axes[0, -1].get_subplotspec()
         axes[0, -1].remove()
         whole = figure.add_subplot(spec.get_gridspec()[:, -1]) if spec is not None else figure.add_subplot()
-        _draw_causes(whole, found)
+        draw_causes(whole, found)
     return figure
 
 
@@ -74,7 +74,8 @@ def _draw_residuals(axis: Axes, problem, values, scale) -> None:
     axis.axhline(0.0, color="0.6", lw=0.6, zorder=0)
 
 
-def _draw_causes(axis: Axes, found: Diagnosis) -> None:
+def draw_causes(axis: Axes, found: Diagnosis) -> None:
+    """The statistic of every cause, the likeliest on top, coloured by what is said of it."""
     shown = found.causes[:_MOST_CAUSES][::-1]
     colours = {"named": "C3", "confusable": "C1", "possible": "C4", "ruled out": "0.45"}
     for row, one in enumerate(shown):

@@ -1,7 +1,8 @@
 """A set of curves of displacement as a diagnosis sees it: residuals of the fit, and their derivatives in everything."""
 
+import copy
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -12,14 +13,14 @@ from jaxtyping import Array, Float
 from arfjax import FastCurve
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.cause import HmiCause
-from inverse.diagnosis.hmi.chain import Course, largest_excess, log_reported
+from inverse.diagnosis.hmi.chain import Course, Courses, log_reported, together
 from inverse.diagnosis.hmi.courses import HmiRows
 from inverse.diagnosis.noise import Ordering, series
 from inverse.inference.parameter_set import ParameterSet
 from inverse.inference.problem import State
 
-_MOST_AT_ONCE = 14
-"""Derivatives taken in one call of the compiled program; fewer are filled up."""
+_MORE_AT_ONCE = 2
+"""Derivatives taken in one call of the compiled program beside those in the constants; fewer are filled up."""
 
 
 class HmiProgram:
@@ -38,7 +39,6 @@ class HmiProgram:
         parameters: ParameterSet,
         state: State,
         causes: Sequence[HmiCause],
-        n_rows: int,
     ) -> None:
         """Prepare; compilation happens at the first use.
 
@@ -48,9 +48,9 @@ class HmiProgram:
             parameters: What is free in the model.
             state: The model that they are put into.
             causes: The library.
-            n_rows: Of all courses together.
         """
-        self.causes, self.parameters, self.courses = tuple(causes), parameters, tuple(courses)
+        self.causes, self.parameters = tuple(causes), parameters
+        self.courses, self._stacked = tuple(courses), together(courses)
         self.start = np.asarray(parameters.start(state), dtype=float)
         scales = jnp.asarray([cause.plausible for cause in causes], dtype=float)
         count = len(self.causes)
@@ -60,22 +60,27 @@ class HmiProgram:
             extensions = tuple(Extension(cause, unknowns[count + i]) for i, cause in enumerate(self.causes))
             return model, extensions, unknowns[:count] * scales
 
-        def predict(unknowns: Array) -> Array:
-            model, extensions, strengths = parts(unknowns)
-            return log_reported(curve, self.courses, model, extensions, strengths, n_rows=n_rows)
-
-        def excess(unknowns: Array) -> Array:
-            return largest_excess(curve, self.courses, *parts(unknowns))
+        def predict(courses: Courses, unknowns: Array) -> tuple[Array, Array]:
+            return log_reported(curve, courses, *parts(unknowns))
 
         def penalties(unknowns: Array) -> Array:
             return parameters.penalties(parameters.values(unknowns[2 * count :]))
 
-        def slopes(unknowns: Array, directions: Array) -> Array:
-            return jax.vmap(lambda one: jax.jvp(predict, (unknowns,), (one,))[1], out_axes=1)(directions)
+        def slopes(courses: Courses, unknowns: Array, directions: Array) -> Array:
+            def one(direction: Array) -> Array:
+                return jax.jvp(lambda at: predict(courses, at)[0], (unknowns,), (direction,))[1]
 
-        self._predict, self._slopes, self._excess = eqx.filter_jit(predict), eqx.filter_jit(slopes), jax.jit(excess)
+            return jax.vmap(one, out_axes=1)(directions)
+
+        self._predict, self._slopes = eqx.filter_jit(predict), eqx.filter_jit(slopes)
         self._penalties, self._penalty_slopes = jax.jit(penalties), jax.jit(jax.jacfwd(penalties))
         self._model = lambda unknowns: parts(jnp.asarray(unknowns))[0]
+
+    def on(self, courses: Sequence[Course]) -> "HmiProgram":
+        """The same program on other courses; compiled anew only where they have other numbers of states."""
+        other = copy.copy(self)
+        other.courses, other._stacked = tuple(courses), together(courses)
+        return other
 
     @property
     def n_unknowns(self) -> int:
@@ -106,16 +111,18 @@ class HmiProgram:
 
     def predict(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " row"]:
         """Logarithm of what is reported for every row, but for a factor of each sonication."""
-        return np.asarray(self._predict(jnp.asarray(unknowns)))
+        return np.asarray(self._predict(self._stacked, jnp.asarray(unknowns))[0])
 
     def slopes(self, unknowns: Float[np.ndarray, " unknown"], which: Sequence[int]) -> Float[np.ndarray, "row which"]:
         """Derivative of the prediction in some of the unknowns."""
-        found = []
-        for first in range(0, len(which), _MOST_AT_ONCE):
-            part = list(which[first : first + _MOST_AT_ONCE])
-            directions = np.zeros((_MOST_AT_ONCE, self.n_unknowns))
+        found, count = [], len(self.start) + _MORE_AT_ONCE
+        for first in range(0, len(which), count):
+            part = list(which[first : first + count])
+            directions = np.zeros((count, self.n_unknowns))
             directions[np.arange(len(part)), part] = 1.0
-            found.append(np.asarray(self._slopes(jnp.asarray(unknowns), jnp.asarray(directions)))[:, : len(part)])
+            found.append(
+                np.asarray(self._slopes(self._stacked, jnp.asarray(unknowns), jnp.asarray(directions)))[:, : len(part)]
+            )
         return np.concatenate(found, axis=1) if found else np.zeros((0, 0))
 
     def penalties(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " penalty"]:
@@ -128,7 +135,7 @@ class HmiProgram:
 
     def excess(self, unknowns: Float[np.ndarray, " unknown"]) -> float:
         """How far the farthest state lies outside of what the fast model was trained on, above 1; covered up to 1."""
-        return float(self._excess(jnp.asarray(unknowns)))
+        return float(self._predict(self._stacked, jnp.asarray(unknowns))[1])
 
     def model(self, unknowns: Float[np.ndarray, " unknown"]):
         """The model with the constants put in; causes are not in it."""
@@ -176,6 +183,3 @@ class HmiDiagnosisProblem:
     def coordinate(self) -> Float[np.ndarray, " row"]:
         """Along which the noise may step [degC]."""
         return self.rows.temperature
-
-
-OnStep = Callable[[str], None]

@@ -28,7 +28,7 @@ class AcousticSaturation(HmiCause):
     ) -> TissueChange:
         """Force lost as attenuation in 20 mm of liver falls below that at the start."""
         del shape
-        attenuation = model.liver.attenuation
+        attenuation = model.liver.attenuation.evaluate
         less = attenuation(conditions.temperature) - attenuation(conditions.start_temperature)
         through = jnp.exp(-2.0 * 0.02 * less * 1e-6 * model.drive.frequency)
         return eqx.tree_at(lambda each: each.force, change, change.force * through ** (-strength))

@@ -24,7 +24,9 @@ class Perfusion(HmiCause):
         "another shape and dose."
     )
     helps = "Times beside temperatures, or readings while it cools."
-    source = "Strength is the change over the assumed flow of perfused liver (0.0145 1/s), 15.2 kg/(m^3 s) as in the model"
+    source = (
+        "Strength is the change over the assumed flow of perfused liver (0.0145 1/s), 15.2 kg/(m^3 s) as in the model"
+    )
 
     def model(self, model: Model, strength: Strength, shape: Strength) -> Model:
         """Perfusion rate with a part of that of perfused liver added."""

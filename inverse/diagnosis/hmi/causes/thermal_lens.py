@@ -6,6 +6,9 @@ from arfjax import Model
 from inverse.diagnosis.cause import Strength
 from inverse.diagnosis.hmi.cause import HmiCause, HmiConditions, TissueChange
 
+TO_THE_FASTEST = 33.0
+"""Rise of temperature at which liver's sound speed is highest [K]: near 70 degC, Techavipoo et al. (2004)."""
+
 
 class ThermalLens(HmiCause):
     """Focus that moves as the tissue before it heats."""
@@ -28,8 +31,8 @@ class ThermalLens(HmiCause):
     def tissue(
         self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength
     ) -> TissueChange:
-        """Force lost with the square of the change of sound speed, in units of 20 m/s."""
-        del shape
-        speeds = model.liver.sound_speed
-        moved = (speeds(conditions.temperature) - speeds(conditions.start_temperature)) / 20.0
-        return eqx.tree_at(lambda each: each.force, change, change.force * (1.0 - strength * moved**2))
+        """Force lost with the square of the sound speed's change, in units of its largest."""
+        del model, shape
+        warmer = conditions.rise / TO_THE_FASTEST
+        faster = warmer * (2.0 - warmer)
+        return eqx.tree_at(lambda each: each.force, change, change.force * (1.0 - strength * faster**2))

@@ -1,0 +1,161 @@
+"""How often the diagnosis of displacement is right, on curves with hidden effects that a full simulation made.
+
+python -m benchmarks.diagnosis_hmi --sets 1                  # goes on where it was stopped
+
+The data come from `tests/blind/hmi_generator`, which simulates on another mesh and shares no code with `inverse`, on
+seeds that chose no threshold (`--development` takes the others). Every data set is one line of `--out`; what is there
+is summed up beside it. Sets are taken from all conditions in turn. The fast simulation is prepared once for all.
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import dataclasses
+import json
+import platform
+import tempfile
+import time
+from pathlib import Path
+
+import jax
+import numpy as np
+
+import arfjax as ax
+from benchmarks.diagnosis_summary import summarise
+from inverse.datasets.hmi import read_hmi
+from inverse.datasets.shipped import shipped
+from inverse.diagnosis import HMI_CAUSES, diagnose_hmi
+from inverse.diagnosis.hmi.prepare import PreparedHmi, hmi_problem_of, prepare_hmi
+from inverse.diagnosis.hmi.problem import HmiProgram
+from inverse.inference.experiment import inference_settings
+from tests.blind import hmi_generator as blind
+
+NOISES = ("white", "tails", "correlated-0.3", "correlated-0.6", "loud")
+_SEEDS_A_CONDITION = 1000
+
+
+@dataclasses.dataclass(frozen=True)
+class Condition:
+    """What is hidden, and how; as in `benchmarks.diagnosis`."""
+
+    part: str
+    name: str
+    d_prime: float
+    noise: str = "white"
+
+
+def conditions() -> list[Condition]:
+    """All of them; the place in this list fixes the seeds."""
+    known = [Condition("known", name, d) for d in (4.5, 6.0) for name in blind.EFFECTS]
+    null = [Condition("null", "none", 0.0, noise) for noise in NOISES]
+    unknown = [Condition("unknown", name, 9.0) for name in blind.UNKNOWN]
+    removed = [Condition("removed", name, 9.0) for name in blind.EFFECTS]
+    return [*known, *null, *unknown, *removed]
+
+
+@dataclasses.dataclass(frozen=True)
+class Bench:
+    """What all data sets share: the experiment, its fast simulation, and the generator on two meshes."""
+
+    described: ax.Experiment
+    prepared: PreparedHmi
+    program: HmiProgram
+    fine: blind.Simulator
+    coarse: blind.Simulator
+
+
+def prepare(folder: Path) -> Bench:
+    """Prepare once; minutes."""
+    described = ax.read_experiment(shipped("suomi2016_experiment"))
+    fine, coarse = blind.Simulator(described, 1.5, 77), blind.Simulator(described, 0.7, 40)
+    blind.write(folder / "any.csv", folder / "any.json", fine=coarse, coarse=coarse, seed=1)
+    data, settings = read_hmi(folder / "any.csv"), inference_settings(described, "suomi2016_experiment")
+    prepared = prepare_hmi(described, settings, data)
+    program = hmi_problem_of(prepared, data, described, settings, HMI_CAUSES).program
+    return Bench(described, prepared, program, fine, coarse)
+
+
+def one_set(bench: Bench, condition: Condition, seed: int) -> dict:
+    """What the diagnosis says of one data set, as a line of the record."""
+    with tempfile.TemporaryDirectory() as folder:
+        data, key = Path(folder) / "data.csv", Path(folder) / "key.json"
+        blind.write(
+            data, key, fine=bench.fine, coarse=bench.coarse, seed=seed, name=condition.name,
+            d_prime=condition.d_prime, noise=condition.noise,
+        )  # fmt: skip
+        measured, hidden = read_hmi(data), json.loads(key.read_text())
+    begun = time.perf_counter()
+    removed = condition.name if condition.part == "removed" else ""
+    found = diagnose_hmi(
+        measured, bench.described, causes=[cause for cause in HMI_CAUSES if cause.name != removed], seed=seed,
+        gain=False, prepared=bench.prepared, program=bench.program,
+    )  # fmt: skip
+    line = dataclasses.asdict(condition) | {
+        "seed": seed,
+        "verdict": found.verdict,
+        "seconds": time.perf_counter() - begun,
+    }
+    decision = found.decision
+    if decision is None:
+        return line | {"first": "", "named": [], "confusable": [], "possible": [], "audit": list(found.audit)}
+    ranked = [one.cause.name for one in found.causes]
+    line |= {
+        "p": decision.omnibus.p_value,
+        "first": ranked[0] if ranked else "",
+        "named": list(decision.named),
+        "confusable": list(decision.confusable),
+        "possible": list(decision.possible),
+        "left": decision.candidates,
+        "testable": condition.name in ranked,
+    }
+    own = next((one for one in found.causes if one.cause.name == condition.name), None)
+    if condition.part == "known" and own is not None and condition.name in decision.candidates:
+        line |= {
+            "strength": hidden["strength"],
+            "estimate": own.estimate,
+            "interval": list(own.interval),
+            "covered": own.interval[0] <= hidden["strength"] <= own.interval[1],
+        }
+    return line
+
+
+def main() -> None:
+    """Measure and sum up."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("results/benchmarks/diagnosis_hmi.jsonl"))
+    parser.add_argument("--sets", type=int, default=1, help="rounds: sets of each condition")
+    parser.add_argument("--only", default="", help="part of the study: known, null, unknown or removed")
+    parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so long")
+    parser.add_argument("--development", action="store_true", help="seeds on which things may be tried")
+    given = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    lines = [json.loads(row) for row in given.out.read_text().splitlines()] if given.out.exists() else []
+    done = {(line["part"], line["seed"]) for line in lines}
+    first = 200 if given.development else blind.TEST_SEEDS + 100_000
+    begun = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        bench = prepare(Path(folder))
+    with given.out.open("a") as record:
+        for number in range(given.sets):
+            for place, condition in enumerate(conditions()):
+                seed = first + (100 if given.development else _SEEDS_A_CONDITION) * place + number
+                late = time.perf_counter() - begun > 60.0 * given.minutes
+                if late or (condition.part, seed) in done or given.only not in ("", condition.part):
+                    continue
+                lines.append(one_set(bench, condition, seed))
+                record.write(json.dumps(lines[-1]) + "\n")
+                record.flush()
+    summary = {
+        "benchmark": "diagnosis_hmi",
+        "seeds": "development" if given.development else "test",
+        **summarise(lines, {}),
+        "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
+    }
+    given.out.with_suffix(".json").write_text(json.dumps(summary, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()

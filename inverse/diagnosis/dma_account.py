@@ -1,0 +1,77 @@
+"""What a report says of a dynamic mechanical analysis and of the solids behind it."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+
+from inverse.diagnosis.dma_problem import DmaProblem
+from inverse.diagnosis.extended_fit import ExtendedFit
+from inverse.diagnosis.where import Absorbed
+
+
+@dataclasses.dataclass(frozen=True)
+class DmaAccount:
+    """Of one data set and its fits.
+
+    Attributes:
+        problem: These.
+    """
+
+    problem: DmaProblem
+
+    @property
+    def model(self) -> str:
+        """Name of the solid."""
+        return self.problem.model.name
+
+    @property
+    def sentence(self) -> str:
+        """The solid and the data."""
+        return f"{self.model} Zener solid at each of {len(self.problem.sweeps)} sweeps, {self.problem.rows} rows"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed."""
+        return self.problem.notes
+
+    @property
+    def stated_deviations(self) -> bool:
+        """Whether the data give standard deviations."""
+        return self.problem.stated_deviations
+
+    def describe(self, place: Absorbed) -> str:
+        """Where the correction is largest, its sign and its size."""
+        return _describe(self.problem, place)
+
+    def shift(self, extended: ExtendedFit) -> list[str]:
+        """Constants of every sweep without and with the extension."""
+        lines = ["| sweep | M_0 [Pa] | M_inf [Pa] | tau [s] | alpha |", "| --- | ---: | ---: | ---: | ---: |"]
+        for sweep, before, after in zip(self.problem.sweeps, self.problem.constants, extended.constants, strict=True):
+            cells = [f"{b:.4g} → {a:.4g}" for b, a in zip(before, after, strict=True)]
+            lines.append(f"| {sweep.label} | {' | '.join(cells)} |")
+        return lines
+
+
+def _describe(problem: DmaProblem, place: Absorbed) -> str:
+    """Where the correction is largest, its sign and its size, in words."""
+    relative = (place.correction / problem.weights.ravel()).reshape(problem.weights.shape)
+    row, coordinate = np.unravel_index(int(np.argmax(np.abs(relative))), relative.shape)
+    frequency = float(problem.conditions.angular_frequency[row]) / (2.0 * np.pi)
+    sweep = problem.sweeps[int(problem.conditions.sweep[row])]
+    value = float(relative[row, coordinate])
+    if coordinate == 0:
+        size = f"the measured magnitude is {abs(100.0 * value):.2g} % {'above' if value > 0 else 'below'} the model"
+    else:
+        size = f"the measured phase is {abs(1e3 * value):.2g} mrad {'above' if value > 0 else 'below'} the model"
+    onset = _onset(problem, relative[:, coordinate])
+    return f"{place.words}: {size} at most, at {frequency:.3g} Hz ({sweep.label}){onset}"
+
+
+def _onset(problem: DmaProblem, relative: Float[np.ndarray, " row"]) -> str:
+    """The lowest temperature at which the correction reaches half its largest size, if that is not the lowest."""
+    sizes = [np.max(np.abs(relative[np.asarray(problem.conditions.sweep) == i])) for i in range(len(problem.sweeps))]
+    large = [s.temperature_c for s, size in zip(problem.sweeps, sizes, strict=True) if size >= 0.5 * max(sizes)]
+    lowest = min(s.temperature_c for s in problem.sweeps)
+    above = [s.temperature_c for s in problem.sweeps if s.temperature_c >= min(large)]
+    return f", from {min(large):.0f} degC on" if min(large) > lowest and 1 < len(above) == len(large) else ""

@@ -1,0 +1,122 @@
+"""The diagnosis of a dynamic mechanical analysis, from the data to a verdict."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from inverse.datasets.dma import DmaData
+from inverse.diagnosis.cause import DmaCause
+from inverse.diagnosis.causes import DMA_CAUSES
+from inverse.diagnosis.decision import REPLICATES
+from inverse.diagnosis.diagnosis import Diagnosis, conclude, failed, require_level
+from inverse.diagnosis.dma_account import DmaAccount
+from inverse.diagnosis.dma_examination import examine_dma
+from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
+from inverse.diagnosis.examination import FullFit
+from inverse.diagnosis.gain import Gain, held_out_gain
+from inverse.diagnosis.noise import Noise
+from inverse.diagnosis.noise_gate import Repeats
+from inverse.diagnosis.where import Axis
+from inverse.dma_fit import FRACTIONAL, ZenerModel
+
+
+def diagnose_dma(
+    data: DmaData,
+    *,
+    model: ZenerModel = FRACTIONAL,
+    causes: Sequence[DmaCause] = DMA_CAUSES,
+    level: float = 0.05,
+    seed: int = 0,
+    replicates: int = REPLICATES,
+    gain: bool = True,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Say what is wrong with the model of a dynamic mechanical analysis, and what mending it is worth.
+
+    Args:
+        data: From `read_dma`, in the order of the file.
+        model: The null model, fitted to every sweep by itself.
+        causes: The library to look in.
+        level: Probability of finding something wrong where nothing is.
+        seed: Of starts and replicates.
+        replicates: Data sets of noise alone that error rates are calibrated on.
+        gain: Whether to measure the held-out gain.
+        on_step: Told what is being done.
+
+    Raises:
+        ValueError: if there are too few data, `level` is out of range, or JAX runs in single precision.
+    """
+    require_level(level)
+    on_step("fitting")
+    problem, _ = dma_problem(data, model, seed=seed)
+    audit = _audit(problem)
+    if not all(fit.converged for fit in problem.fits):
+        return failed(DmaAccount(problem), problem, problem.residuals(), audit, level=level, seed=seed)
+    on_step("testing all causes")
+    rng = np.random.default_rng(seed)
+    examined = examine_dma(problem, causes, rng, level=level, replicates=replicates)
+
+    def worth(extended: FullFit, noise: Noise) -> Gain | None:
+        return held_out_gain(problem, extended.extensions, noise, extended.strengths, library=causes)
+
+    return conclude(
+        examined,
+        DmaAccount(problem),
+        problem,
+        rng,
+        audit=audit,
+        axes=_axes(problem),
+        repeats=_repeats(problem),
+        gain=worth if gain else None,
+        level=level,
+        seed=seed,
+        replicates=replicates,
+        on_step=on_step,
+    )
+
+
+def _audit(problem: DmaProblem) -> tuple[str, ...]:
+    """What each fit says about itself."""
+    remarks = []
+    for fit in problem.fits:
+        if not fit.converged:
+            remarks.append(f"{fit.sweep.label}: {fit.status}.")
+        elif fit.n_agreeing < 2:
+            remarks.append(f"{fit.sweep.label}: only one of {fit.n_starts} starts reached the best fit.")
+        remarks += [f"{fit.sweep.label}: {warning}" for warning in fit.warnings if fit.converged]
+    return tuple(remarks)
+
+
+def _axes(problem: DmaProblem) -> tuple[Axis, ...]:
+    """Frequency, temperature and time; magnitude and phase are series of their own."""
+    coordinates = problem.weights.shape[1]
+    frequency = np.asarray(problem.conditions.angular_frequency)
+    sweep = np.asarray(problem.conditions.sweep)
+    samples = [problem.sweeps[index].sample for index in sweep]
+    _, rounded = np.unique(np.round(np.log(frequency), 3), return_inverse=True)
+    _, sample = np.unique(samples, return_inverse=True)
+    rounded = rounded + (1 + rounded.max()) * sample
+
+    def axis(along: str, keys, position) -> Axis:
+        both = np.repeat(keys, coordinates) * coordinates + np.tile(np.arange(coordinates), problem.rows)
+        return Axis(along, both, np.repeat(np.asarray(position, dtype=float), coordinates))
+
+    return (
+        axis("frequency", sweep, frequency),
+        axis("temperature", rounded, problem.conditions.temperature),
+        axis("time", sweep, problem.conditions.time),
+    )
+
+
+def _repeats(problem: DmaProblem) -> Repeats:
+    """Pooled scatter of rows that share sweep and frequency."""
+    rounded = np.round(np.log(np.asarray(problem.conditions.angular_frequency)), 4)
+    sweep = np.asarray(problem.conditions.sweep)
+    total, freedom = 0.0, 0
+    scaled = problem.measured * problem.weights
+    for key in set(zip(sweep.tolist(), rounded.tolist(), strict=True)):
+        rows = (sweep == key[0]) & (rounded == key[1])
+        if np.sum(rows) > 1:
+            total += float(np.sum((scaled[rows] - scaled[rows].mean(axis=0)) ** 2))
+            freedom += (int(np.sum(rows)) - 1) * scaled.shape[1]
+    return Repeats(float(np.sqrt(total / freedom)), freedom) if freedom else Repeats(np.nan, 0)

@@ -1,0 +1,93 @@
+"""A dynamic mechanical analysis examined."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from inverse.diagnosis.cause import DmaCause, Extension, every_shape
+from inverse.diagnosis.decision import REPLICATES, Refitted, decide
+from inverse.diagnosis.dma_problem import DmaProblem
+from inverse.diagnosis.examination import Examined, extension_of, linear_strengths, visible_alternatives
+from inverse.diagnosis.extended_fit import ExtendedFit, fit_extended
+from inverse.diagnosis.free_forms import Place, dma_free_forms
+from inverse.diagnosis.noise import Noise, noise_family
+from inverse.diagnosis.screening import Alternative, Screen
+
+
+def examine_dma(
+    problem: DmaProblem,
+    causes: Sequence[DmaCause],
+    rng: np.random.Generator,
+    *,
+    level: float = 0.05,
+    replicates: int = REPLICATES,
+    program: Sequence[DmaCause] = (),
+) -> Examined:
+    """Test every cause and every free form on a fitted data set.
+
+    Args:
+        problem: The data and the fit.
+        causes: The library to look in.
+        rng: For replicates.
+        level: Probability of finding something wrong where nothing is.
+        replicates: Data sets of noise alone that error rates are calibrated on.
+        program: Causes that the compiled refits hold beside the library, so that other libraries need no others.
+    """
+    program = (*program, *(cause for cause in causes if cause.name not in {one.name for one in program}))
+    family = noise_family(problem.orderings(), problem.frequencies())
+    residuals, fitted, constants = _fitted_in_its_noise(problem, family, program)
+    size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
+    free_forms, places = _free_forms(problem, residuals)
+    seen, not_testable = visible_alternatives(problem.directions(every_shape(causes), constants), fitted, size, causes)
+
+    def fit(extensions: Sequence[Extension], noise: Noise, start, profile: bool) -> ExtendedFit:
+        return fit_extended(problem, extensions, noise, start, library=program, profile=profile)
+
+    def extend(added: Sequence[Alternative], noise: Noise) -> Refitted:
+        extensions = [extension_of(causes, one) for one in added]
+        start = linear_strengths(added, residuals, fitted)
+        refit = fit(extensions, noise, start, False)
+        return Refitted(refit.residuals, refit.directions, refit.misfit, refit.others)
+
+    decision = decide(
+        residuals, fitted, seen, free_forms, family, rng, extend=extend, level=level, replicates=replicates
+    )
+    return Examined(
+        tuple(causes), residuals, fitted, size, tuple(seen), not_testable, tuple(places), family, decision, fit
+    )
+
+
+def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: Sequence[DmaCause]):
+    """Residuals, derivatives and constants of the model fitted in the likeliest kind of noise.
+
+    A fit that takes the noise for white strays farther than the linearisation holds where a part of the data is louder:
+    measured on noise that is three times larger above 40 Hz, one data set in six was found wrong for that alone.
+    """
+    residuals, fitted = problem.residuals(), problem.fitted_directions()
+    _, member, _ = Screen(fitted, (), family).noise_evidence(residuals[:, None])
+    if family[member[0]].is_white:
+        return residuals, fitted, problem.constants
+    refit = fit_extended(problem, (), family[member[0]], np.zeros(0), library=program, profile=False)
+    return refit.residuals, refit.directions, refit.constants
+
+
+def _free_forms(problem: DmaProblem, residuals: Float[np.ndarray, " n"]) -> tuple[list[Alternative], list[Place]]:
+    coordinates, conditions = problem.weights.shape[1], problem.conditions
+    predicted = problem.measured - residuals.reshape(problem.weights.shape) / problem.weights
+    phase = predicted[:, 1] if problem.has_phase else np.zeros(problem.rows)
+    forms, places = dma_free_forms(
+        problem.frequencies(),
+        np.repeat(np.asarray(problem.conditions.temperature), coordinates),
+        np.repeat(np.asarray(problem.conditions.sweep), coordinates),
+        np.tile(np.arange(coordinates), problem.rows),
+        tuple(sweep.label for sweep in problem.sweeps),
+        np.repeat(np.exp(predicted[:, 0] + 1j * phase), coordinates),
+        (
+            np.repeat(np.asarray(conditions.time_in_sweep), coordinates),
+            np.repeat(np.asarray(conditions.exposure), coordinates),
+        ),
+    )
+    weights = problem.weights.ravel()[:, None]
+    return [dataclasses.replace(form, directions=weights * form.directions) for form in forms], places

@@ -1,0 +1,160 @@
+"""The diagnosis of curves of displacement, from the data to a verdict."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from arfjax import Discretisation, Effort, Experiment, InputError
+from inverse.datasets.hmi import HmiData
+from inverse.diagnosis.decision import REPLICATES
+from inverse.diagnosis.diagnosis import Diagnosis, conclude, failed, require_level
+from inverse.diagnosis.examination import FullFit
+from inverse.diagnosis.gain import Gain
+from inverse.diagnosis.hmi.account import HmiAccount
+from inverse.diagnosis.hmi.cause import HmiCause
+from inverse.diagnosis.hmi.causes import HMI_CAUSES
+from inverse.diagnosis.hmi.examination import examine_hmi, noise_size
+from inverse.diagnosis.hmi.gain import held_out_gain_hmi
+from inverse.diagnosis.hmi.prepare import PreparedHmi, correction_at, hmi_problem_of, prepare_hmi
+from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem, HmiProgram
+from inverse.diagnosis.hmi.refit import HmiFit, fit_hmi
+from inverse.diagnosis.noise import Noise, noise_family
+from inverse.diagnosis.where import Axis
+from inverse.inference.experiment import inference_settings
+
+_FIRST_SIZE = 0.02
+"""Relative deviation of a reading that a fit starts from, where the data do not give it."""
+_AGREEMENT = 0.1
+"""Of the sum of squares of fits from two starts, in units of one over the number of data, above which they differ."""
+LEAST_SPARE = 4
+"""Readings beyond the number of fitted constants below which nothing is said about the model."""
+
+
+def diagnose_hmi(
+    data: HmiData,
+    described: Experiment,
+    *,
+    name: str = "experiment",
+    causes: Sequence[HmiCause] = HMI_CAUSES,
+    level: float = 0.05,
+    seed: int = 0,
+    replicates: int = REPLICATES,
+    gain: bool = True,
+    effort: Effort = Effort(),  # noqa: B008  frozen and without state
+    discretisation: Discretisation | None = None,
+    prepared: PreparedHmi | None = None,
+    program: HmiProgram | None = None,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Say what is wrong with the simulation of harmonic motion imaging, and what mending it is worth.
+
+    Args:
+        data: From `read_hmi`.
+        described: The experiment.
+        name: Of the experiment, for messages.
+        causes: The library to look in.
+        level: Probability of finding something wrong where nothing is.
+        seed: Of starts, draws and replicates.
+        replicates: Data sets of noise alone that error rates are calibrated on.
+        gain: Whether to measure the held-out gain.
+        effort: How much goes into the fast simulation.
+        discretisation: Of the full simulation that the fast one learns from; refinement 2 if not given.
+        prepared: The fast simulation, where there is one of these sonications already.
+        program: Compiled already, for other data measured in the same states.
+        on_step: Told what is being done.
+
+    Raises:
+        InputError: if data and experiment do not go together.
+        ValueError: if there are too few data, `level` is out of range, or JAX runs in single precision.
+    """
+    require_level(level)
+    settings = inference_settings(described, name)
+    if prepared is None:
+        prepared = prepare_hmi(
+            described, settings, data, seed=seed, effort=effort, discretisation=discretisation, on_step=on_step
+        )
+    problem = hmi_problem_of(prepared, data, described, settings, causes, program=program)
+    _require_enough(problem)
+    on_step("fitting")
+    problem, null, size, audit = _fitted(prepared, problem, seed, on_step)
+    account = HmiAccount(problem, null)
+    if not null.converged:
+        remark = f"the fit without causes: {null.status}."
+        return failed(account, problem, null.residuals, [remark, *audit], level=level, seed=seed)
+    on_step("testing all causes")
+    rng = np.random.default_rng(seed)
+    examined = examine_hmi(problem, causes, null, rng, size=size, level=level, replicates=replicates)
+
+    def worth(extended: FullFit, noise: Noise) -> Gain | None:
+        assert isinstance(extended, HmiFit)
+        return held_out_gain_hmi(problem, extended.extensions, noise, size=size, null=null, extended=extended)
+
+    return conclude(
+        examined, account, problem, rng, audit=audit, axes=_axes(problem), repeats=None,
+        gain=worth if gain else None, level=level, seed=seed, replicates=replicates, on_step=on_step,
+    )  # fmt: skip
+
+
+def _require_enough(problem: HmiDiagnosisProblem) -> None:
+    spare = len(problem.rows) - len(problem.rows.labels) - len(problem.program.start)
+    if spare < LEAST_SPARE:
+        raise InputError(
+            f"{len(problem.rows)} readings for {len(problem.program.start)} constants and a factor of each of "
+            f"{len(problem.rows.labels)} sonications leave {spare} to judge the simulation by; at least {LEAST_SPARE} "
+            "are needed: measure more, or free fewer constants in `[inference]`."
+        )
+
+
+def _fitted(prepared: PreparedHmi, problem: HmiDiagnosisProblem, seed: int, on_step: Callable[[str], None]):
+    """The null fit, corrected to the full simulation where it came out; and what it says against itself."""
+    white = noise_family(problem.orderings(), problem.coordinate())[0]
+    size = 1.0 if problem.rows.deviation is not None else _FIRST_SIZE
+    null = fit_hmi(problem, (), white, size=size)
+    on_step("full simulation where the fit is")
+    problem = dataclasses.replace(problem, correction=correction_at(prepared, problem, null.unknowns))
+    if problem.rows.deviation is None:
+        size = noise_size(null)
+    null = fit_hmi(problem, (), white, size=size, start=null.unknowns)
+    on_step("fitting from another start")
+    start = problem.program.null()
+    spread = 0.5 * np.random.default_rng(seed).standard_normal(len(problem.program.start))
+    start[problem.program.constants] += spread / _steepness(problem.program)
+    other = fit_hmi(problem, (), white, size=size, start=start)
+    audit = _audit(problem, null, other)
+    if other.converged and other.misfit < null.misfit:
+        null = other
+    return problem, null, size, audit
+
+
+def _steepness(program: HmiProgram) -> np.ndarray:
+    """Penalty of each unconstrained number, in standard deviations a unit."""
+    slopes = program.penalty_slopes(program.null())[:, program.constants]
+    return np.maximum(np.linalg.norm(slopes, axis=0), 1e-3)
+
+
+def _audit(problem: HmiDiagnosisProblem, null: HmiFit, other: HmiFit) -> tuple[str, ...]:
+    remarks = []
+    if abs(other.misfit - null.misfit) > _AGREEMENT * null.misfit / len(problem.rows):
+        remarks.append("Fits from two starts do not agree: the better one is used.")
+    far = np.abs(problem.program.penalties(null.unknowns))
+    names = problem.program.parameters.names
+    remarks += [
+        f"{name} comes out {distance:.1f} standard deviations from what was believed of it."
+        for name, distance in zip(names, far, strict=False)
+        if distance > 2.5
+    ]
+    lengths = np.linalg.norm(null.directions[:, : len(names)], axis=0)
+    unseen = [name for name, one in zip(names, lengths, strict=False) if one < 1e-3 * np.max(lengths)]
+    if unseen:
+        remarks.append(f"These data hardly see {', '.join(unseen)}: what was believed of them stands.")
+    return tuple(remarks)
+
+
+def _axes(problem: HmiDiagnosisProblem) -> tuple[Axis, ...]:
+    rows = problem.rows
+    _, rounded = np.unique(np.round(rows.temperature), return_inverse=True)
+    return (
+        Axis("time", rows.sonication, rows.time),
+        Axis("sonications at one temperature", rounded, rows.sonication.astype(float)),
+    )

@@ -1,0 +1,63 @@
+"""Corrections of no name to curves of displacement: they tell where a model is wrong when no cause explains it."""
+
+import numpy as np
+from jaxtyping import Float
+
+from inverse.diagnosis.free_forms import Place, cosines
+from inverse.diagnosis.hmi.courses import HmiRows
+from inverse.diagnosis.screening import Alternative
+
+SMOOTH_TERMS = (4, 8)
+"""Cosines of a correction along temperature: the model's constants take the coarsest, so that it begins at four."""
+OWN_TERMS = 4
+"""Cosines of a correction that one sonication has alone."""
+TIME_TERMS = 4
+"""Cosines of a correction along time or displacement."""
+_SAME = 0.25
+"""Difference of temperature below which readings of several sonications count as taken at the same [K]."""
+
+
+def hmi_free_forms(rows: HmiRows, log_predicted: Float[np.ndarray, " row"]) -> tuple[list[Alternative], list[Place]]:
+    """Free forms, one for each place in which a simulated curve can be wrong.
+
+    The tissue: along temperature in all sonications alike, and after coagulation. The procedure: along time. The
+    instrument: along the displacement itself. One sonication in its own way, or all in theirs; and readings at one
+    temperature.
+
+    Args:
+        rows: What was measured.
+        log_predicted: Logarithm of what the model predicts for each.
+    """
+    found, places = [], []
+
+    def add(name: str, words: str, directions: Float[np.ndarray, "n q"]) -> None:
+        found.append(Alternative(name, directions))
+        places.append(Place(name, words))
+
+    temperature, sonication, count = rows.temperature, rows.sonication, len(rows.labels)
+    for terms in SMOOTH_TERMS:
+        add(f"smooth-{terms}", "in all sonications alike, smoothly along temperature", cosines(temperature, terms))
+    add("time", "following the time since the start", cosines(rows.time, TIME_TERMS))
+    relative = log_predicted - _mean_by(log_predicted, sonication)
+    add("displacement", "following the displacement", cosines(relative, TIME_TERMS))
+    if count > 1:
+        own = [cosines(temperature, OWN_TERMS) * (sonication == one)[:, None] for one in range(count)]
+        for one, label in enumerate(rows.labels):
+            add(f"sonication-{label}", f"in sonication {label} alone, smoothly along temperature", own[one])
+        add("each", "in each sonication in its own way, smoothly along temperature", np.concatenate(own, axis=1))
+    for value in _shared(temperature, sonication):
+        at = (np.abs(temperature - value) < _SAME).astype(float)
+        add(f"at-{value:.4g}", f"at {value:.3g} degC in all sonications", at[:, None])
+    return found, places
+
+
+def _mean_by(values, keys):
+    means = np.array([np.mean(values[keys == key]) for key in range(int(keys.max()) + 1)])
+    return means[keys]
+
+
+def _shared(temperature: Float[np.ndarray, " row"], sonication) -> list[float]:
+    """Temperatures at which two sonications or more were looked at."""
+    ordered = np.unique(temperature)
+    begins = ordered[np.concatenate([[True], np.diff(ordered) > _SAME])]
+    return [float(one) for one in begins if len(np.unique(sonication[np.abs(temperature - one) < _SAME])) > 1]

@@ -1,0 +1,107 @@
+"""What an extension is worth on sonications that the fit did not see.
+
+Each sonication is left out in turn: constants and strengths come from the others, its own factor from its own readings.
+With one sonication, blocks of neighbouring temperatures are left out instead. A gain proves no cause.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.gain import LEAST_FOLDS, Gain
+from inverse.diagnosis.hmi.cause import HmiCause
+from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
+from inverse.diagnosis.hmi.refit import HmiFit, fit_hmi
+from inverse.diagnosis.noise import Noise
+
+_BLOCKS = 5
+_LEAST_READINGS = 2
+"""Of a sonication for its factor to leave something to score."""
+
+
+def held_out_gain_hmi(
+    problem: HmiDiagnosisProblem,
+    extensions: Sequence[Extension[HmiCause]],
+    noise: Noise,
+    *,
+    size: float,
+    null: HmiFit,
+    extended: HmiFit,
+) -> Gain | None:
+    """Score the model with and without extensions on data that were left out.
+
+    Args:
+        problem: Data and simulation.
+        extensions: What was added.
+        noise: Weighs the residuals.
+        size: Of the noise, for the priors.
+        null: The fit without extensions to all data: the first guess.
+        extended: The fit with them: the first guess.
+
+    Returns:
+        The gain, or None where fewer than two parts could be left out.
+    """
+    folds, split = _folds(problem)
+    if len(folds) < LEAST_FOLDS:
+        return None
+    before, after, lost = [], [], 0
+    for left_out in folds:
+        for found, added, whole in ((before, (), null), (after, tuple(extensions), extended)):
+            fit = fit_hmi(
+                problem, added, noise, size=size, start=whole.unknowns, strengths=whole.strengths, used=~left_out
+            )
+            lost += not fit.converged
+            found.append(_score(problem, fit, noise, left_out))
+    gains = np.array([a[1] - b[1] for a, b in zip(after, before, strict=True)])
+    counts = np.array([len(a[0]) for a in after])
+    return Gain(
+        split=split,
+        rmse_before=_root_mean_square([b[0] for b in before]),
+        rmse_after=_root_mean_square([a[0] for a in after]),
+        log_score_gain=float(np.sum(gains) / np.sum(counts)),
+        standard_error=float(np.std(gains / counts, ddof=1) / np.sqrt(len(folds))),
+        unfinished=int(lost),
+    )
+
+
+def _folds(problem: HmiDiagnosisProblem) -> tuple[list[Bool[np.ndarray, " row"]], str]:
+    rows = problem.rows
+    if len(rows.labels) > 1:
+        parts = [rows.sonication == one for one in range(len(rows.labels))]
+        parts = [part for part in parts if np.sum(part) > _LEAST_READINGS]
+        return parts, f"each of {len(parts)} sonications left out in turn, its own factor from its own readings"
+    rank = np.argsort(np.argsort(rows.temperature, kind="stable"), kind="stable")
+    block = rank * _BLOCKS // len(rank)
+    parts = [block == one for one in np.unique(block)]
+    parts = [part for part in parts if np.sum(part) > _LEAST_READINGS]
+    return parts, f"{len(parts)} blocks of neighbouring temperatures, each left out in turn"
+
+
+def _score(
+    problem: HmiDiagnosisProblem, fit: HmiFit, noise: Noise, left_out: Bool[np.ndarray, " row"]
+) -> tuple[Float[np.ndarray, " _"], float]:
+    """Relative residuals of what was left out, and the log density of their scatter about their own factor."""
+    raw, scale = problem.residuals(fit.unknowns), np.exp(noise.log_deviation)
+    used = ~left_out
+    spread = np.sqrt(np.mean((fit.residuals / scale)[used] ** 2) * np.sum(used) / _freedom(problem, fit, used))
+    deviation = spread * scale[left_out]
+    weights = problem.weights[left_out] / deviation
+    # The factor by least squares; the density of what is free beside it.
+    factor = np.sum(weights * raw[left_out] / deviation) / np.sum(weights**2)
+    rest = raw[left_out] - factor * problem.weights[left_out]
+    count = int(np.sum(left_out)) - 1
+    density = -0.5 * np.sum((rest / deviation) ** 2) - np.sum(np.log(deviation)) * count / (count + 1)
+    return rest / problem.weights[left_out], float(density - 0.5 * count * np.log(2.0 * np.pi))
+
+
+def _freedom(problem: HmiDiagnosisProblem, fit: HmiFit, used: Bool[np.ndarray, " row"]) -> int:
+    factors = len(np.unique(problem.rows.sonication[used]))
+    moved = fit.directions.shape[1] - problem.factors.shape[1]
+    return max(int(np.sum(used)) - factors - moved, 1)
+
+
+def _root_mean_square(parts: Sequence[Float[np.ndarray, " _"]]) -> float:
+    together = np.concatenate(parts)
+    return float(np.sqrt(np.mean(together**2)))

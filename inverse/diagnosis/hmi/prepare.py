@@ -1,0 +1,203 @@
+"""The fast simulation that a diagnosis of curves of displacement uses: it has to follow causes, not only constants."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from arfjax import Discretisation, Effort, Experiment, InputError, Model, Shifted, discretise
+from inverse.datasets.hmi import HmiData
+from inverse.diagnosis.hmi.cause import HmiCause
+from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows, plan_courses
+from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem, HmiProgram
+from inverse.fast_hmi import FastHmi, prepare_fast
+from inverse.hmi_model import Sweep, plan_sweeps, predict
+from inverse.inference.experiment import InferenceSettings, anchored, free_parameters
+from inverse.inference.parameter_set import ParameterSet
+from inverse.inference.problem import State
+from inverse.inference.widened import widened
+
+OnStep = Callable[[str], None]
+
+_DRAWS = 100
+_WIDER = 4.0 / 3.0
+_SOUND_SPEED = 25.0
+"""Change of the liver's sound speed that the fast simulation follows either way [m/s]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PreparedHmi:
+    """An experiment's fast simulation of some sonications, for all data measured in the same states.
+
+    Attributes:
+        fast: The fast simulation.
+        sweeps: Sonications.
+        model: The experiment's, its attenuation by anchors.
+        parameters: What is free in it.
+        fine: Mesh of the pushes that the fast simulation learnt from, and of what it is corrected to.
+    """
+
+    fast: FastHmi
+    sweeps: tuple[Sweep, ...]
+    model: Model
+    parameters: ParameterSet
+    fine: Discretisation
+
+
+def prepare_hmi(
+    described: Experiment,
+    settings: InferenceSettings,
+    data: HmiData,
+    *,
+    seed: int = 0,
+    effort: Effort = Effort(),  # noqa: B008  frozen and without state
+    discretisation: Discretisation | None = None,
+    heat_settings: Discretisation | None = None,
+    on_step: OnStep = lambda what: None,
+) -> PreparedHmi:
+    """Prepare the fast simulation from draws of priors a third wider than those of the inference.
+
+    Args:
+        described: The experiment.
+        settings: Its section `[inference]`.
+        data: What was measured: in which sonications, up to which temperatures.
+        seed: Of the draws.
+        effort: How much goes into it.
+        discretisation: Mesh of the pushes; refinement 2 if not given.
+        heat_settings: Of sound and heat; refinement 1 if not given.
+        on_step: Told what is being done.
+
+    Raises:
+        InputError: if data, experiment and settings do not go together.
+    """
+    model = _with_shift(anchored(described.model(), settings))
+    sweeps = plan_sweeps(data, described.stepwise(), settings.reference_temperature_c)
+    fine = discretise(model, refinement=2.0) if discretisation is None else discretisation
+    parameters = free_parameters(settings, model, {})
+    noise = [entry.parameter.name for entry in parameters.entries if entry.parameter.place.startswith("noise.")]
+    parameters = parameters.without(noise) if noise else parameters
+    draws = _draws(_trained(settings, model, parameters), model, seed)
+    fast = prepare_fast(
+        draws, sweeps, fine, heat_settings=heat_settings, effort=effort,
+        on_step=lambda step, done, of: on_step(f"fast simulation: {step} {done} of {of}"),
+    )  # fmt: skip
+    return PreparedHmi(fast, sweeps, model, parameters, fine)
+
+
+def hmi_problem_of(
+    prepared: PreparedHmi,
+    data: HmiData,
+    described: Experiment,
+    settings: InferenceSettings,
+    causes: Sequence[HmiCause],
+    *,
+    program: HmiProgram | None = None,
+) -> HmiDiagnosisProblem:
+    """Data and simulation together.
+
+    Args:
+        prepared: The fast simulation.
+        data: What was measured.
+        described: The experiment.
+        settings: Its section `[inference]`.
+        causes: The library.
+        program: Compiled for other data of the same states, with these causes or more.
+    """
+    reference = settings.reference_temperature_c
+    curve = prepared.fast.curve
+    rows = hmi_rows(data, reference)
+    courses, rows = plan_courses(data, rows, prepared.model, described.stepwise(), curve.settings, reference)
+    if program is None:
+        program = HmiProgram(curve, courses, prepared.parameters, State(prepared.model, {}), causes)
+    else:
+        program = program.on(courses)
+    return HmiDiagnosisProblem(rows, program, np.zeros(len(rows)), _notes(data, rows))
+
+
+def correction_at(
+    prepared: PreparedHmi, problem: HmiDiagnosisProblem, unknowns: np.ndarray, settings: Discretisation | None = None
+) -> np.ndarray:
+    """Logarithm of the full simulation over the fast one at a fit without causes, row by row.
+
+    What the fast simulation leaves out is then no misfit of the model, as far as it does not change with the constants.
+
+    Args:
+        prepared: The fast simulation.
+        problem: Data and simulation.
+        unknowns: Of the fit.
+        settings: Of the full simulation; the mesh that the fast one learnt from if not given.
+    """
+    fine = prepared.fine if settings is None else settings
+    model = jax.tree.map(np.asarray, problem.program.model(unknowns))
+    full = np.zeros(len(problem.rows))
+    for course in problem.program.courses:
+        conditions = course.conditions
+        states = np.unique(np.asarray(conditions.time if course.in_time else conditions.temperature))
+        sweep = Sweep(course.protocol, float(states[0]), states, course.in_time, np.arange(len(states)),
+                      np.arange(len(states)))  # fmt: skip
+        found = _full(model, sweep, fine)
+        at = np.asarray(conditions.time if course.in_time else conditions.temperature)[course.places]
+        full[course.rows] = np.log(found[np.searchsorted(states, at)])
+    difference = full - problem.program.predict(unknowns)
+    # A factor of each sonication is free, so that only the course counts.
+    for number in range(len(problem.rows.labels)):
+        mine = problem.rows.sonication == number
+        difference[mine] -= np.mean(difference[mine])
+    return difference
+
+
+def _full(model: Model, sweep: Sweep, settings: Discretisation) -> np.ndarray:
+    run = eqx.filter_jit(lambda model: predict(model, (sweep,), settings, n_rows=len(sweep.states), in_percent=False))
+    return np.asarray(run(model))
+
+
+def _with_shift(model: Model) -> Model:
+    """The model with a sound speed of liver that can be shifted."""
+    law = model.liver.sound_speed
+    shifted = Shifted(law=law, shift=0.0, unit=law.unit, source=law.source, valid_range=law.valid_range)
+    return eqx.tree_at(lambda tree: tree.liver.sound_speed, model, shifted)
+
+
+def _trained(settings: InferenceSettings, model: Model, parameters: ParameterSet) -> ParameterSet:
+    """What the fast simulation has to follow: all that is free by default, although it may be fixed, and what is free.
+
+    Causes change attenuation and moduli also where those are not fitted.
+    """
+    try:
+        usual = free_parameters(settings.model_copy(update={"parameters": ()}), model, {})
+    except InputError:  # a model of other laws has no such places
+        return parameters
+    places = {entry.parameter.place for entry in usual.entries}
+    return ParameterSet(
+        (*usual.entries, *(entry for entry in parameters.entries if entry.parameter.place not in places))
+    )
+
+
+def _draws(parameters: ParameterSet, model: Model, seed: int) -> list[Model]:
+    wide = widened(parameters, _WIDER)
+    keys = jax.random.split(jax.random.key(seed + 1), _DRAWS)
+    points = jax.vmap(lambda key: wide.values(wide.draw(key)))(keys)
+    shifts = np.random.default_rng(seed).uniform(-_SOUND_SPEED, _SOUND_SPEED, _DRAWS)
+    drawn = [wide.write(State(model, {}), point).model for point in points]
+    return [
+        eqx.tree_at(lambda tree: tree.liver.sound_speed.shift, one, float(shift))
+        for one, shift in zip(drawn, shifts, strict=True)
+    ]
+
+
+def _notes(data: HmiData, rows: HmiRows) -> tuple[str, ...]:
+    notes = []
+    if data.time is None:
+        notes.append("The file gives no times: those are taken from the simulated heating.")
+    if data.temperature is None:
+        notes.append("The file gives no temperatures: those are taken from the simulated heating.")
+    if len(rows) > len(data.displacement):
+        count = len(rows) - len(data.displacement)
+        notes.append(
+            f"Of {count} sonications the reading that the curve was divided by is not in the file; it counts as one "
+            "more reading, 100 percent at the reference temperature, with an error like the others'."
+        )
+    notes.append("A factor of each sonication is free: absolute displacement says nothing here.")
+    return tuple(notes)

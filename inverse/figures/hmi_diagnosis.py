@@ -1,0 +1,68 @@
+"""A diagnosis of curves of displacement in one figure: data and simulation, what is left, and the causes."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from inverse.diagnosis import Diagnosis
+from inverse.diagnosis.hmi.courses import HmiRows
+from inverse.figures.diagnosis import draw_causes
+
+_MARKERS = "os^Dv<>P"
+
+
+def hmi_diagnosis_figure(found: Diagnosis) -> Figure:
+    """Displacement and residuals over temperature without and with the extension, and the statistic of every cause.
+
+    Args:
+        found: From `diagnose_hmi`.
+    """
+    problem = found.problem
+    stages = [("the fitted simulation", found.residuals)]
+    if found.extended is not None:
+        names = " and ".join(extension.cause.name for extension in found.extended.extensions)
+        stages.append((f"with {names}", found.extended.residuals))
+    columns = len(stages) + (1 if found.causes else 0)
+    figure = Figure(figsize=(3.3 * columns + 0.4, 5.2), layout="constrained")
+    axes = figure.subplots(2, columns, squeeze=False, height_ratios=[1.4, 1.0])
+    left = [100.0 * residuals / problem.weights for _, residuals in stages]
+    largest = 1.15 * max(float(np.max(np.abs(one))) for one in left)
+    for column, ((title, _), percent) in enumerate(zip(stages, left, strict=True)):
+        _draw_curves(axes[0, column], problem.rows, percent)
+        _draw_left(axes[1, column], problem.rows, percent)
+        axes[0, column].set_title(title, fontsize=9)
+        axes[1, column].set_ylim(-largest, largest)
+        axes[1, column].set_xlabel("temperature at the focus [degC]")
+    axes[0, 0].set_ylabel("displacement [% of the coldest reading]")
+    axes[1, 0].set_ylabel("measured over simulated [%]")
+    axes[0, 0].legend(fontsize=7, frameon=False, title="sonication", title_fontsize=7)
+    if found.causes:
+        axes[1, -1].remove()
+        spec = axes[0, -1].get_subplotspec()
+        axes[0, -1].remove()
+        whole = figure.add_subplot(spec.get_gridspec()[:, -1]) if spec is not None else figure.add_subplot()
+        draw_causes(whole, found)
+    return figure
+
+
+def _draw_curves(axis: Axes, rows: HmiRows, percent: np.ndarray) -> None:
+    """Points as measured, lines as simulated; each sonication relative to its coldest simulated reading."""
+    for number, label in enumerate(rows.labels):
+        mine = np.flatnonzero(rows.sonication == number)
+        mine = mine[np.argsort(rows.temperature[mine])]
+        simulated = rows.log_displacement[mine] - 0.01 * percent[mine]
+        scale = simulated[0]
+        colour = f"C{number % 10}"
+        axis.plot(rows.temperature[mine], 100.0 * np.exp(simulated - scale), "-", lw=1.0, color=colour)
+        measured = 100.0 * np.exp(rows.log_displacement[mine] - scale)
+        axis.plot(rows.temperature[mine], measured, _MARKERS[number % 8], ms=3.0, color=colour, label=label)
+
+
+def _draw_left(axis: Axes, rows: HmiRows, percent: np.ndarray) -> None:
+    for number in range(len(rows.labels)):
+        mine = np.flatnonzero(rows.sonication == number)
+        mine = mine[np.argsort(rows.temperature[mine])]
+        axis.plot(
+            rows.temperature[mine], percent[mine], f"-{_MARKERS[number % 8]}", ms=2.5, lw=0.7, color=f"C{number % 10}"
+        )
+    axis.axhline(0.0, color="0.6", lw=0.6, zorder=0)

@@ -1,0 +1,365 @@
+"""Curves of displacement with a hidden effect, and a sealed key. Shares no code with `inverse`.
+
+Sonications are simulated reading by reading with the full solid on a mesh and time steps of its own; the diagnosis uses
+a fast simulation that learnt from another mesh. Effects are written out here as a person who knows the physics would:
+a thermocouple's lag is its differential equation, not an expansion. Constants are drawn from what is believed of them,
+for each seed, and so is the noise.
+
+The strength is set by d': the length of a small effect on the logarithm of displacement after projecting out the
+constants and a factor of each sonication, in standard deviations of the noise, on a coarse mesh.
+
+Seeds below 20 000 were used in development; tests use `TEST_SEEDS` and above, and no threshold was chosen on those.
+"""
+
+import dataclasses
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+import arfjax as ax
+from arfjax.laws import PolynomialThrough
+from arfjax.protocols.stepwise import force_at, lesion_at, lesion_share, push, simulate_heating
+
+TEST_SEEDS = 20_000
+NOISE = 0.01
+ANCHORS = (35.0, 45.0, 55.0, 65.0, 84.0)
+FINAL = (63.0, 73.0, 83.0)
+REFERENCE = 37.0
+DURATION = 60.0
+
+
+def _readings(final: float) -> np.ndarray:
+    return np.arange(REFERENCE, final + 0.1, 2.0)
+
+
+@dataclasses.dataclass
+class Scene:
+    """One sonication as it was, arrays by reading.
+
+    `model` may be changed throughout; the factors apply in the state of each reading.
+    """
+
+    model: ax.Model
+    shown: np.ndarray
+    time: np.ndarray
+    temperature: np.ndarray
+    rate: np.ndarray
+    coagulated_at: float
+    attenuation: np.ndarray
+    liver: np.ndarray
+    lesion: np.ndarray
+    threshold: np.ndarray
+    force: np.ndarray
+
+    @property
+    def passed(self) -> np.ndarray:
+        return self.time / DURATION
+
+
+Course = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Time, temperature of the focus, and radii and temperature beside it (time by radius)."""
+
+
+def _lag(course: Course, s: float) -> np.ndarray:
+    """What a sensor of time constant s shows: the solution of s dT/dt = focus - T, step by step."""
+    time, focus = course[0], course[1]
+    shown = focus.copy()
+    for i in range(1, len(time)):
+        step = time[i] - time[i - 1]
+        decay = np.exp(-step / s)
+        slope = (focus[i] - focus[i - 1]) / step
+        shown[i] = focus[i] - slope * s + (shown[i - 1] - focus[i - 1] + slope * s) * decay
+    return shown
+
+
+def _beside(course: Course, s: float) -> np.ndarray:
+    """At a distance whose square is s mm^2, between the cells of the grid."""
+    _, focus, r, beside = course
+    at = np.sqrt(s) * 1e-3
+    # Even in r: a parabola through the axis and the cells beside it.
+    return np.array(
+        [np.interp(at**2, np.append(0.0, r**2), np.append(f, row)) for f, row in zip(focus, beside, strict=True)]
+    )
+
+
+SENSORS: dict[str, Callable[[Course, float], np.ndarray]] = {
+    "thermocouple-lag": _lag,
+    "thermocouple-position": _beside,
+    "thermocouple-viscous-heating": lambda c, s: c[1] + s * (1.0 - np.exp(-c[0] / 3.0)),
+}
+"""What the thermocouple shows over the sonication."""
+
+
+def _model(place, change):
+    def applied(scene: Scene, s: float) -> None:
+        scene.model = eqx.tree_at(place, scene.model, change(place(scene.model), s))
+
+    return applied
+
+
+def _perfused(law, s):
+    return ax.Constant(law(37.0) + s * 15.2 / 1050.0, unit=law.unit, source=law.source)
+
+
+def _conducting(law, s):
+    return ax.Constant(law(37.0) * (1.0 + s), unit=law.unit, source=law.source)
+
+
+def _times(name: str, factor: Callable[[Scene, float], np.ndarray]):
+    def applied(scene: Scene, s: float) -> None:
+        setattr(scene, name, getattr(scene, name) * factor(scene, s))
+
+    return applied
+
+
+TISSUE: dict[str, Callable[[Scene, float], None]] = {
+    "perfusion": _model(lambda m: m.liver.perfusion_rate, _perfused),
+    "conductivity-change": _model(lambda m: m.liver.conductivity, _conducting),
+    "damage-law": _times("threshold", lambda c, s: np.full(len(c.time), np.exp(s))),
+    "output-drift": _times("force", lambda c, s: 1.0 + s * c.passed),
+    "cavitation": _times("force", lambda c, s: 1.0 + s / (1.0 + np.exp(-(c.temperature - 68.0) / 2.0))),
+    "lesion-stiffness-law": _times("lesion", lambda c, s: np.exp(s * 0.5 * ((c.temperature - 70.0) / 10.0) ** 2)),
+    "pre-ablation-softening": _times(
+        "liver", lambda c, s: 1.0 - s * np.exp(-0.5 * ((c.temperature - 49.0) / 4.0) ** 2)
+    ),
+    "attenuation-kinetics": _times(
+        "attenuation", lambda c, s: 1.0 + s * (1.0 - np.exp(-np.maximum(c.time - c.coagulated_at, 0.0) / 118.0))
+    ),
+}
+"""What departs from the laws of the tissue or of the sound."""
+
+TRACKING: dict[str, Callable[[np.ndarray, Scene, float], np.ndarray]] = {
+    "thermal-decorrelation": lambda u, c, s: u * (1.0 - s * c.rate / 5.0),
+    "echo-strain": lambda u, c, s: u + s * c.rate / 5.0,
+}
+"""What tracking makes of displacement relative to the first reading's."""
+
+EFFECTS = (*SENSORS, *TISSUE, *TRACKING)
+SCALES = {"thermocouple-lag": 0.05, "thermocouple-position": 0.01, "thermocouple-viscous-heating": 0.05}
+"""Small strengths, for derivatives; 0.01 for the others."""
+
+
+def _bump(m: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    return np.exp(-0.5 * ((m - rng.uniform(45.0, 60.0)) / 1.5) ** 2)
+
+
+def _smooth(m: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    knots = np.linspace(36.0, 84.0, 13)
+    distance = (knots[:, None] - knots[None, :]) / 5.0
+    root = np.linalg.cholesky(np.exp(-0.5 * distance**2) + 1e-9 * np.eye(13))
+    return np.interp(m, knots, root @ rng.standard_normal(13))
+
+
+UNKNOWN = {"bump": _bump, "smooth": _smooth}
+"""Changes of the logarithm of displacement that are in no list, as functions of temperature."""
+
+
+class Simulator:
+    """The full simulation of the design's sonications on one mesh; compiled once for all constants."""
+
+    def __init__(self, described: ax.Experiment, refinement: float, n_heat_steps: int) -> None:
+        base = described.model()
+        law = base.liver.attenuation
+        values = np.asarray(law.evaluate(np.asarray(ANCHORS)))
+        through = PolynomialThrough(ANCHORS, jnp.asarray(values), unit=law.unit, source=law.source)
+        base = eqx.tree_at(lambda m: m.liver.attenuation, base, through)
+        # As arrays, so that other numbers need no new compilation.
+        self.base = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), base)
+        self.protocol = described.stepwise()
+        settings = ax.discretise(base, refinement=refinement)
+        self.settings = dataclasses.replace(settings, n_heat_steps=n_heat_steps)
+        protocol = dataclasses.replace(self.protocol, duration=DURATION)
+        self._heated = eqx.filter_jit(lambda model: simulate_heating(model, protocol, self.settings))
+        self._push = eqx.filter_jit(self._displacement)
+
+    def model(self, z: np.ndarray) -> ax.Model:
+        """Constants: nine standard normal numbers over what is believed."""
+        lesion, liver = self.base.lesion.viscoelasticity, self.base.liver.viscoelasticity
+        factors = np.exp(z * np.array([0.35] * 5 + [0.25, 0.5, 0.5, 0.5]))
+        return eqx.tree_at(
+            lambda m: (
+                m.liver.attenuation.values,
+                m.liver.viscoelasticity.branch_modulus.value,
+                m.lesion.viscoelasticity.branch_modulus.value,
+                m.lesion.viscoelasticity.branch_modulus.rate,
+                m.lesion.viscoelasticity.relaxation_time.value,
+            ),
+            self.base,
+            (
+                self.base.liver.attenuation.values * factors[:5],
+                liver.branch_modulus.value * factors[5],
+                lesion.branch_modulus.value * factors[6],
+                lesion.branch_modulus.rate * factors[7],
+                lesion.relaxation_time.value * factors[8],
+            ),
+        )
+
+    def curves(self, z: np.ndarray, name: str = "none", strength: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Logarithm of what is reported and times, of all readings of all sonications; the first of each at 37 degC."""
+        logarithms, times = [], []
+        for final in FINAL:
+            scene, heating = self._scene(z, final, name, strength)
+            if name in TISSUE:
+                TISSUE[name](scene, strength)
+                _, heating = self._scene(z, final, name, strength, model=scene.model)
+            reported = np.array([self._reading(scene, heating, i) for i in range(len(scene.shown))])
+            reported = reported / reported[0]
+            if name in TRACKING:
+                reported = TRACKING[name](reported, scene, strength)
+            logarithms.append(np.log(reported))
+            times.append(scene.time)
+        return np.concatenate(logarithms), np.concatenate(times)
+
+    def _scene(self, z, final, name, strength, model=None):
+        model = self.model(z) if model is None else model
+        start, shown = self.protocol.start_temperature, _readings(final)
+        heated = self._heated(model)
+
+        def course(highest: float):
+            heating = _scaled_to(heated, highest, start)
+            grid, focal = self.settings.heat_grid, np.asarray(heating.focal_temperature)
+            z_focus = int(np.argmin(np.abs(np.asarray(grid.z) - self.settings.focus)))
+            beside = np.asarray(heating.temperature)[:, :4, z_focus]
+            return heating, (np.asarray(heating.time), focal, np.asarray(grid.r)[:4], beside)
+
+        heating, at = course(final)
+        showing = at[1]
+        if name in SENSORS and strength:
+            # The sonication went on until the thermocouple showed its last reading.
+            highest = final
+            for _ in range(6):
+                showing = SENSORS[name](at, strength)
+                highest = start + (highest - start) * (final - start) / (showing[-1] - start)
+                heating, at = course(highest)
+            showing = SENSORS[name](at, strength)
+        time = np.interp(shown, showing, at[0])
+        rate = np.gradient(at[1], at[0])
+        dose = np.asarray(heating.dose)[
+            :, 0, int(np.argmin(np.abs(np.asarray(self.settings.heat_grid.z) - self.settings.focus)))
+        ]
+        coagulated = np.interp(np.log(240.0), np.log(np.maximum(dose, 1e-30)), at[0], right=np.inf)
+        ones = [np.ones(len(shown)) for _ in range(5)]
+        scene = Scene(
+            model, shown, time, np.interp(time, at[0], at[1]), np.interp(time, at[0], rate), float(coagulated), *ones
+        )
+        return scene, heating
+
+    def _reading(self, scene: Scene, heating, i: int) -> float:
+        factors = [jnp.asarray(getattr(scene, n)[i]) for n in ("attenuation", "liver", "lesion", "threshold")]
+        moved = self._push(scene.model, jnp.asarray(scene.temperature[i]), heating, *factors)
+        return float(scene.force[i] * moved)
+
+    def _displacement(self, model, temperature, heating, attenuation, liver, lesion, threshold):
+        def scaled(law, factor):
+            return ax.Scaled(law=law, factor=factor, unit=law.unit, source=law.source, valid_range=law.valid_range)
+
+        def stiffer(law, factor):
+            both = (scaled(law.relaxed_modulus, factor), scaled(law.branch_modulus, factor))
+            return eqx.tree_at(lambda each: (each.relaxed_modulus, each.branch_modulus), law, both)
+
+        model = eqx.tree_at(
+            lambda m: (m.liver.attenuation, m.liver.viscoelasticity, m.lesion.viscoelasticity, m.lesion.size.threshold),
+            model,
+            (
+                scaled(model.liver.attenuation, attenuation),
+                stiffer(model.liver.viscoelasticity, liver),
+                stiffer(model.lesion.viscoelasticity, lesion),
+                model.lesion.size.threshold * threshold,
+            ),
+        )
+        size = lesion_at(model, heating, temperature, self.settings)
+        share = lesion_share(model, heating, temperature, size, self.settings, self.settings.mesh)
+        force = force_at(model, temperature, self.protocol, self.settings)
+        return push(model, temperature, share, force, self.protocol, self.settings).at_focus(self.settings.focus)[-1]
+
+
+def _scaled_to(heating: ax.Heating, highest: float, start: float) -> ax.Heating:
+    """The sonication with another power: temperatures rise in proportion, and dose is counted again."""
+    factor = (highest - start) / (float(heating.focal_temperature[-1]) - start)
+    temperature = start + factor * (np.asarray(heating.temperature) - start)
+    # Equivalent minutes at 43 degC (Sapareto & Dewey 1984), by the trapezoidal rule.
+    minutes = np.where(temperature >= 43.0, 0.5, 0.25) ** (43.0 - temperature)
+    dose = cumulative_trapezoid(minutes, np.asarray(heating.time), axis=0, initial=0.0) / 60.0
+    focal = start + factor * (np.asarray(heating.focal_temperature) - start)
+    return ax.Heating(
+        time=heating.time, focal_temperature=jnp.asarray(focal), temperature=jnp.asarray(temperature),
+        dose=jnp.asarray(dose), acoustic_power=factor * heating.acoustic_power,
+    )  # fmt: skip
+
+
+def _projected(columns: np.ndarray, direction: np.ndarray) -> float:
+    basis, singular, _ = np.linalg.svd(
+        columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), full_matrices=False
+    )
+    basis = basis[:, singular > 1e-9 * singular[0]]
+    return float(np.linalg.norm(direction - basis @ (basis.T @ direction)))
+
+
+def _groups() -> np.ndarray:
+    return np.repeat(np.arange(len(FINAL)), [len(_readings(final)) for final in FINAL])
+
+
+def strength_of(
+    coarse: Simulator, z: np.ndarray, name: str, d_prime: float, direction: np.ndarray | None = None
+) -> float:
+    """Strength of an effect of a projected length."""
+    plain = coarse.curves(z)[0]
+    step = 0.02
+    columns = [(coarse.curves(z + step * unit)[0] - plain) / step for unit in np.eye(len(z))]
+    factors = (_groups()[:, None] == np.arange(len(FINAL))).astype(float)
+    if direction is None:
+        small = SCALES.get(name, 0.01)
+        direction = (coarse.curves(z, name, small)[0] - plain) / small
+    return d_prime * NOISE / _projected(np.column_stack([*columns, factors]), direction)
+
+
+def draw_noise(kind: str, temperature: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Noise of the logarithm of displacement, of standard deviation 1 (but for `loud`)."""
+    group = _groups()
+    if kind == "tails":
+        return rng.standard_t(4, len(group)) / np.sqrt(2.0)
+    drawn = rng.standard_normal(len(group))
+    if kind.startswith("correlated"):
+        rho = float(kind.removeprefix("correlated-"))
+        for i in range(1, len(group)):
+            if group[i] == group[i - 1]:
+                drawn[i] = rho * drawn[i - 1] + np.sqrt(1.0 - rho**2) * drawn[i]
+    return drawn * np.where(temperature > 60.0, 3.0, 1.0) if kind == "loud" else drawn
+
+
+def write(
+    data: Path,
+    key: Path,
+    *,
+    fine: Simulator,
+    coarse: Simulator,
+    seed: int,
+    name: str = "none",
+    d_prime: float = 4.5,
+    noise: str = "white",
+) -> None:
+    """Simulate one measurement; the file in `data` says nothing of what is in `key`."""
+    rng = np.random.default_rng([seed, 20161231])
+    z = np.clip(rng.standard_normal(9), -1.5, 1.5) * 0.6
+    shown = np.concatenate([_readings(final) for final in FINAL])
+    strength, added = 0.0, np.zeros(len(shown))
+    if name in UNKNOWN:
+        direction = UNKNOWN[name](shown, rng)
+        strength = strength_of(coarse, z, name, d_prime, direction)
+        added = strength * direction
+    elif name != "none":
+        strength = strength_of(coarse, z, name, d_prime)
+    logarithm, time = fine.curves(z, name if name in EFFECTS else "none", strength)
+    read = np.exp(logarithm + added + NOISE * draw_noise(noise, shown, rng))
+    first = np.concatenate([[True], np.diff(_groups()) > 0])
+    percent = 100.0 * read / read[first][_groups()]
+    labels = np.array([f"{1 + g}" for g in _groups()])
+    lines = [f"{a},{t:.6g},{s:.6g},{p:.10g}" for a, t, s, p in zip(labels, time, shown, percent, strict=True)]
+    data.write_text("\n".join(["sonication,time_s,temperature_c,displacement_percent", *lines]) + "\n")
+    key.write_text(json.dumps({"seed": seed, "hidden": name, "strength": strength, "d_prime": d_prime, "noise": noise}))
