@@ -50,14 +50,20 @@ def examine_hmi(
     forms = [dataclasses.replace(one, directions=problem.weights[:, None] * one.directions) for one in forms]
 
     known = {one.name: one.directions for one in found if one.shape is None}
+    done: dict[tuple, HmiFit] = {}
 
     def fit(extensions: Sequence[Extension], noise: Noise, start, profile: bool) -> HmiFit:
         del profile
-        # The constants' slopes are the first columns of those of the null fit.
-        own = [known[e.cause.name] for e in extensions if not e.has_shape]
-        constants = fitted[:, : len(problem.program.start)]
-        slopes = np.concatenate([*own, constants], axis=1) if len(own) == len(extensions) else None
-        return fit_hmi(problem, extensions, noise, size=size, start=null.unknowns, strengths=start, slopes=slopes)
+        key = (*((e.cause.name, float(e.shape)) for e in extensions), id(noise))
+        if key not in done:
+            # The constants' slopes are the first columns of those of the null fit.
+            own = [known[e.cause.name] for e in extensions if not e.has_shape]
+            constants = fitted[:, : len(problem.program.start)]
+            slopes = np.concatenate([*own, constants], axis=1) if len(own) == len(extensions) else None
+            done[key] = fit_hmi(
+                problem, extensions, noise, size=size, start=null.unknowns, strengths=start, slopes=slopes
+            )
+        return done[key]
 
     def extend(added: Sequence[Alternative], noise: Noise) -> Refitted:
         extensions = [extension_of(causes, one) for one in added]
