@@ -157,9 +157,10 @@ def visible_alternatives(
         elif visible[best] < LEAST_VISIBILITY:
             why = f"the fitted constants imitate all but {100.0 * visible[best]:.2g} % of its effect"
         else:
+            unit = "" if cause.unit == "1" else f" {cause.unit}"
             why = (
-                f"it would have to be {min(detectable):.2g} {cause.unit} to be seen, "
-                f"where {cause.plausible:.2g} {cause.unit} is plausible"
+                f"it would have to be {min(detectable):.2g}{unit} to be seen, "
+                f"where {cause.plausible:.2g}{unit} is plausible"
             )
         hidden.append(NotTestable(cause.name, why, cause.helps))
     return seen, tuple(hidden)

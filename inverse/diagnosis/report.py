@@ -120,10 +120,11 @@ def _shift(found: Diagnosis) -> list[str]:
 
 def _strength(one: CauseReport) -> str:
     shape = f", {one.cause.shape_means} {one.shape:.3g}" if one.shape is not None else ""
+    unit = "" if one.cause.unit == "1" else f" {one.cause.unit}"
     note = "" if one.converged else " (the refit did not converge)"
     curse = " Found just above the threshold, it is probably overestimated." if abs(one.statistic) < 4.5 else ""
     return (
-        f"Strength {one.estimate:.3g} {one.cause.unit} ({one.interval[0]:.3g} to {one.interval[1]:.3g} at 95 %){shape}"
+        f"Strength {one.estimate:.3g}{unit} ({one.interval[0]:.3g} to {one.interval[1]:.3g} at 95 %){shape}"
         f"{note}.{curse}"
     )
 

@@ -32,9 +32,9 @@ def hmi_diagnosis_figure(found: Diagnosis) -> Figure:
         _draw_left(axes[1, column], problem.rows, percent)
         axes[0, column].set_title(title, fontsize=9)
         axes[1, column].set_ylim(-largest, largest)
-        axes[1, column].set_xlabel("temperature at the focus [degC]")
-    axes[0, 0].set_ylabel("displacement [% of the coldest reading]")
-    axes[1, 0].set_ylabel("measured over simulated [%]")
+        axes[1, column].set_xlabel("temperature at the focus [degC]", fontsize=8)
+    axes[0, 0].set_ylabel("displacement [%]\n(100: simulated, coldest)", fontsize=8)
+    axes[1, 0].set_ylabel("measured over\nsimulated [%]", fontsize=8)
     axes[0, 0].legend(fontsize=7, frameon=False, title="sonication", title_fontsize=7)
     if found.causes:
         axes[1, -1].remove()

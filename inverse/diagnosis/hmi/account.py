@@ -32,8 +32,8 @@ class HmiAccount:
         """The simulation and the data."""
         count = len(self.problem.program.start)
         return (
-            f"the experiment's simulation with {count} constants fitted and a factor of each of "
-            f"{len(self.problem.rows.labels)} sonications, {len(self.problem.rows)} readings"
+            f"the experiment's simulation with {count} constant{'s' if count > 1 else ''} fitted and a factor of each "
+            f"of {len(self.problem.rows.labels)} sonications, {len(self.problem.rows)} readings"
         )
 
     @property

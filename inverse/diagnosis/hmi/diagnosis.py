@@ -14,9 +14,10 @@ from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.causes import HMI_CAUSES
+from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows
 from inverse.diagnosis.hmi.examination import examine_hmi, noise_size
 from inverse.diagnosis.hmi.gain import held_out_gain_hmi
-from inverse.diagnosis.hmi.prepare import PreparedHmi, correction_at, hmi_problem_of, prepare_hmi
+from inverse.diagnosis.hmi.prepare import PreparedHmi, correction_at, free_constants, hmi_problem_of, prepare_hmi
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem, HmiProgram
 from inverse.diagnosis.hmi.refit import HmiFit, fit_hmi
 from inverse.diagnosis.noise import Noise, noise_family
@@ -70,12 +71,13 @@ def diagnose_hmi(
     """
     require_level(level)
     settings = inference_settings(described, name)
+    rows = hmi_rows(data, settings.reference_temperature_c)
+    _require_enough(rows, len(free_constants(described, settings).names))
     if prepared is None:
         prepared = prepare_hmi(
             described, settings, data, seed=seed, effort=effort, discretisation=discretisation, on_step=on_step
         )
     problem = hmi_problem_of(prepared, data, described, settings, causes, program=program)
-    _require_enough(problem)
     on_step("fitting")
     problem, null, size, audit = _fitted(prepared, problem, seed, on_step)
     account = HmiAccount(problem, null)
@@ -96,13 +98,13 @@ def diagnose_hmi(
     )  # fmt: skip
 
 
-def _require_enough(problem: HmiDiagnosisProblem) -> None:
-    spare = len(problem.rows) - len(problem.rows.labels) - len(problem.program.start)
+def _require_enough(rows: HmiRows, constants: int) -> None:
+    spare = len(rows) - len(rows.labels) - constants
     if spare < LEAST_SPARE:
         raise InputError(
-            f"{len(problem.rows)} readings for {len(problem.program.start)} constants and a factor of each of "
-            f"{len(problem.rows.labels)} sonications leave {spare} to judge the simulation by; at least {LEAST_SPARE} "
-            "are needed: measure more, or free fewer constants in `[inference]`."
+            f"{len(rows)} readings for {constants} constants and a factor of each of {len(rows.labels)} sonications "
+            f"leave {spare} to judge the simulation by; at least {LEAST_SPARE} are needed: measure more, or free fewer "
+            "constants in `[inference]`."
         )
 
 

@@ -75,15 +75,24 @@ def prepare_hmi(
     model = _with_shift(anchored(described.model(), settings))
     sweeps = plan_sweeps(data, described.stepwise(), settings.reference_temperature_c)
     fine = discretise(model, refinement=2.0) if discretisation is None else discretisation
-    parameters = free_parameters(settings, model, {})
-    noise = [entry.parameter.name for entry in parameters.entries if entry.parameter.place.startswith("noise.")]
-    parameters = parameters.without(noise) if noise else parameters
+    parameters = free_constants(described, settings)
     draws = _draws(_trained(settings, model, parameters), model, seed)
     fast = prepare_fast(
         draws, sweeps, fine, heat_settings=heat_settings, effort=effort,
         on_step=lambda step, done, of: on_step(f"fast simulation: {step} {done} of {of}"),
     )  # fmt: skip
     return PreparedHmi(fast, sweeps, model, parameters, fine)
+
+
+def free_constants(described: Experiment, settings: InferenceSettings) -> ParameterSet:
+    """What is free in the model; the noise is none of the model.
+
+    Raises:
+        InputError: if a place does not exist.
+    """
+    model = _with_shift(anchored(described.model(), settings))
+    kept = tuple(one for one in settings.parameters if not one.place.startswith("noise."))
+    return free_parameters(settings.model_copy(update={"parameters": kept}), model, {})
 
 
 def hmi_problem_of(

@@ -1,0 +1,64 @@
+"""`arfjax diagnose --hmi` on the paper's measured values, and on what it cannot use."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from inverse.commands.main import run
+from inverse.datasets.shipped import shipped
+
+PUBLISHED = Path(__file__).parents[3] / "examples" / "suomi2016_published.toml"
+KEYS = "verdict level omnibus causes named confusable not_testable gain seed versions schema_version".split()
+
+
+@pytest.fixture(scope="module")
+def paper(tmp_path_factory):
+    out = tmp_path_factory.mktemp("paper")
+    assert run(["diagnose", str(PUBLISHED), "--hmi", str(shipped("suomi2016_hmi")), "--out", str(out)]) == 0
+    return out
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_eleven_values_show_that_the_paper_s_simulation_is_wrong_and_cannot_tell_by_what(paper):
+    found = json.loads((paper / "diagnosis.json").read_text())
+    assert set(KEYS) <= set(found) and found["schema_version"] == 1
+    assert found["omnibus"]["p_value"] < 0.05 and found["named"] == []
+    assert found["verdict"] in ("confusable", "unexplained")
+    hidden = {one["name"]: one for one in found["not_testable"]}
+    assert {"path-heating", "scattering-fraction", "boiling", "normalisation-temperature"} <= set(hidden)
+    assert all(one["why"] and one["what_would_help"] for one in hidden.values())
+    assert "3 sonications left out in turn" in found["gain"]["split"]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_what_is_written(paper):
+    assert {path.name for path in paper.iterdir()} == {
+        "diagnosis.json", "diagnosis.png", "diagnosis.pdf", "report.md", "summary.json",
+    }  # fmt: skip
+    report = (paper / "report.md").read_text()
+    assert "the reading that the curve was divided by is not in the file" in report
+    assert json.loads((paper / "summary.json").read_text())["results"]["hmi"]["verdict"] in report
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], "diagnose needs data"),
+        (["--hmi", "HMI"], "give the experiment file"),
+        (["TOML", "--hmi", "HMI", "--causes", "gremlins"], "there is no cause 'gremlins'"),
+        (["TOML", "--hmi", "HMI", "--causes", "drying"], "there is no cause 'drying'"),
+        (["DEFAULT", "--hmi", "HMI"], "14 readings for 9 constants"),
+    ],
+)
+def test_what_it_cannot_use_gets_one_line(arguments, said, tmp_path, capsys):
+    names = {
+        "HMI": str(shipped("suomi2016_hmi")),
+        "TOML": str(PUBLISHED),
+        "DEFAULT": str(shipped("suomi2016_experiment")),
+    }
+    out = tmp_path / "out"
+    assert run(["diagnose", *(names.get(one, one) for one in arguments), "--out", str(out)]) != 0
+    assert said in capsys.readouterr().err and not out.exists()
