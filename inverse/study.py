@@ -76,6 +76,7 @@ class Study:
     def warnings(self) -> tuple[str, ...]:
         """Everything that a reader of the numbers has to know."""
         found = [finding.sentence for finding in self.audit.findings]
+        found += [sentence for one in self.profiles for sentence in one.warnings]
         found += (
             [] if self.laplace is None or self.laplace.is_sound else [f"Normal approximation: {self.laplace.message}."]
         )
