@@ -141,7 +141,7 @@ def descend(
         max_steps: Steps after which it is stopped.
     """
     about = None if factor is not None else expand(gradient, start)
-    axes = factor if about is None else whitening(about.curvature)
+    axes: Float[np.ndarray, "n n"] = np.asarray(factor if about is None else whitening(about.curvature))
     begun = gradient(start)[0] if about is None else about.value
     nowhere = max(_NOWHERE, 10.0 * abs(begun)) if np.isfinite(begun) else _NOWHERE
 
