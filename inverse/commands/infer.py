@@ -33,7 +33,7 @@ from inverse.inference.experiment import (
 )
 from inverse.inference.hmi import used_rows
 from inverse.inference.problem import Problem
-from inverse.sampling import posterior_record, save_posterior
+from inverse.sampling import left_out, posterior_record, save_posterior
 from inverse.study import Effort, Sampler, Study, infer
 
 _MOST_SEPARATE = 4
@@ -71,7 +71,9 @@ def infer_command(
         list[str] | None, typer.Option(help="With --across sonication: a constant that differs; may be repeated.")
     ] = None,
     draws: Annotated[int, typer.Option(help="Draws of each of four chains.", min=50)] = 1000,
-    steps: Annotated[int, typer.Option(help="Steps of emcee at most.", min=100)] = 20_000,
+    steps: Annotated[
+        int, typer.Option(help="Steps of emcee, or evaluations of importance sampling, at most.", min=100)
+    ] = 20_000,
     evidence: Annotated[bool, typer.Option("--evidence", help="Estimate the evidence, too.")] = False,
     profiles: Annotated[bool, typer.Option(help="Profile likelihoods.")] = True,
     starts: Annotated[int, typer.Option(help="Starts of the fit.", min=1)] = 16,
@@ -98,6 +100,7 @@ def infer_command(
         starts=starts if hmi is None else min(starts, 4),
         draws=draws,
         most_steps=steps,
+        most_evaluations=steps,
         with_profiles=profiles,
         chunk=None if hmi is None else _BATCH,
     )
@@ -112,7 +115,8 @@ def infer_command(
             remark = " ".join(each for each in (remark, _cut_off(made, study)) if each)
         with output_directory(out) as folder:
             say("figures")
-            figures = _write_posterior(folder, study, panels, seed)
+            figures, note = _write_posterior(folder, study, panels, seed)
+            remark = " ".join(each for each in (remark, note) if each)
             write_parameters(folder / "parameters.csv", study)
             inputs = {name: path for name, path in given.items() if path is not None}
             (folder / "report.md").write_text(report(study, inputs, figures, checked, remark), encoding="utf-8")
@@ -204,9 +208,10 @@ def _cut_off(made: HmiProblem, study: Study) -> str:
     )
 
 
-def _write_posterior(folder: Path, study: Study, panels: dict[str, list[Panel]], seed: int) -> list[str]:
+def _write_posterior(folder: Path, study: Study, panels: dict[str, list[Panel]], seed: int) -> tuple[list[str], str]:
+    """Names of the figures, and what must be known of the record."""
     if study.draws is None:
-        return []
+        return [], ""
     record = posterior_record(study.problem, study.draws, seed=seed)
     save_posterior(record, folder / "posterior.nc")
     names = [entry.name for entry in study.problem.parameters.entries]
@@ -214,7 +219,7 @@ def _write_posterior(folder: Path, study: Study, panels: dict[str, list[Panel]],
     drawn |= {"overlap": draw_overlap(record), "traces": draw_traces(record)}
     if len(study.problem.parameters.columns) <= _CORNER:
         drawn["corner"] = draw_corner(record, names)
-    return write_figures(folder, drawn)
+    return write_figures(folder, drawn), left_out(record)
 
 
 def _show(study: Study, remark: str, out: Path) -> None:

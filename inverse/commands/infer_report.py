@@ -48,7 +48,7 @@ def parameter_rows(study: Study) -> tuple[tuple[str, ...], list[list[str]]]:
             _number(row.get("posterior_mean")),
             _number(row.get("posterior_sd"), 2),
             _range(row.get("posterior_5_percent"), row.get("posterior_95_percent")),
-            "" if row.get("r_hat") is None else f"{row['r_hat']:.3f}",
+            "" if row.get("r_hat") is None or math.isnan(row["r_hat"]) else f"{row['r_hat']:.3f}",
         ]
         for row in _rows(study)
     ]
@@ -109,7 +109,8 @@ def _fit_lines(study: Study) -> list[str]:
     lines += [f"- {each.sentence}" for each in study.audit.findings] or ["Nothing was found wrong with it."]
     lines += [f"- {one.name}, profile: {side}." for one in study.profiles for side in _open_ends(one)]
     condition = study.audit.identification.condition_number
-    return [*lines, "", f"Condition number of the Fisher information: {condition:.3g}.", ""]
+    told = f"{condition:.3g}" if math.isfinite(condition) else "infinite, for what is not determined"
+    return [*lines, "", f"Condition number of the Fisher information: {told}.", ""]
 
 
 def _posterior_lines(study: Study, checked: Verification | None, remark: str) -> list[str]:
@@ -195,7 +196,9 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 def _cell(value: Any) -> str:
     if value is None:
         return ""
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return str(value)
 
 
 def _number(value: float | None, digits: int = 4) -> str:

@@ -86,11 +86,16 @@ def compare(problem: Problem, runs: dict[str, Draws]) -> Comparison:
         runs: By the name of the sampler.
     """
     values = [values_of(problem, draws) for draws in runs.values()]
-    summaries, errors = np.stack([_summaries(each) for each in values]), np.stack([_errors(each) for each in values])
+    worth = [_worth(draws) for draws in runs.values()]
+    summaries = np.stack([_summaries(each) for each in values])
+    errors = np.stack([_errors(each, size) for each, size in zip(values, worth, strict=True)])
     with np.errstate(divide="ignore", invalid="ignore"):
         distances = (summaries - summaries[:1]) / np.sqrt(errors**2 + errors[:1] ** 2)
     count = range(values[0].shape[2])
-    sizes = [min(min(bulk_size(each[:, :, k]), tail_size(each[:, :, k])) for k in count) for each in values]
+    sizes = [
+        min(min(bulk_size(each[:, :, k]), tail_size(each[:, :, k])) for k in count) if size is None else size
+        for each, size in zip(values, worth, strict=True)
+    ]
     return Comparison(
         tuple(runs),
         problem.parameters.names,
@@ -109,7 +114,21 @@ def _summaries(values: Float[np.ndarray, "chain draw m"]) -> Float[np.ndarray, "
     return np.stack([flat.mean(axis=0), flat.std(axis=0, ddof=1), low, high], axis=1)
 
 
-def _errors(values: Float[np.ndarray, "chain draw m"]) -> Float[np.ndarray, "m summary"]:
+def _worth(draws: Draws) -> float | None:
+    """Independent draws that weighted ones are worth; None for draws of chains, whose own course tells."""
+    size = draws.settings.get("effective_size")
+    return None if size is None else float(size)
+
+
+def _errors(values: Float[np.ndarray, "chain draw m"], worth: float | None) -> Float[np.ndarray, "m summary"]:
+    if worth is not None:
+        # As many independent draws as there are, told as fewer: errors go with one over the root of their number.
+        independent = np.moveaxis(values, 2, 0).reshape(values.shape[2], 1, -1)
+        return np.sqrt(independent.shape[2] / worth) * _of_chains(independent)
+    return _of_chains(np.moveaxis(values, 2, 0))
+
+
+def _of_chains(values: Float[np.ndarray, "m chain draw"]) -> Float[np.ndarray, "m summary"]:
     return np.array(
         [
             [
@@ -118,7 +137,7 @@ def _errors(values: Float[np.ndarray, "chain draw m"]) -> Float[np.ndarray, "m s
                 standard_error(one, "quantile", 0.05),
                 standard_error(one, "quantile", 0.95),
             ]
-            for one in np.moveaxis(values, 2, 0)
+            for one in values
         ]
     )
 
