@@ -20,8 +20,9 @@ _DOUBTFUL = " ?"
 """Beside an interval that may be too narrow, as a warning says."""
 
 _COLUMNS = (
-    "parameter unit estimate standard_error profile_lower profile_upper profile_level profile_ends posterior_mean "
-    "posterior_sd posterior_5_percent posterior_median posterior_95_percent r_hat bulk_ess tail_ess prior prior_source"
+    "parameter unit estimate standard_error profile_lower profile_upper profile_level profile_ends profile_converged "
+    "posterior_mean posterior_sd posterior_5_percent posterior_median posterior_95_percent r_hat bulk_ess tail_ess "
+    "prior prior_source"
 ).split()
 
 
