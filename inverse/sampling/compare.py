@@ -121,14 +121,9 @@ def _worth(draws: Draws) -> float | None:
 
 
 def _errors(values: Float[np.ndarray, "chain draw m"], worth: float | None) -> Float[np.ndarray, "m summary"]:
+    columns = np.moveaxis(values, 2, 0)
     if worth is not None:
-        # As many independent draws as there are, told as fewer: errors go with one over the root of their number.
-        independent = np.moveaxis(values, 2, 0).reshape(values.shape[2], 1, -1)
-        return np.sqrt(independent.shape[2] / worth) * _of_chains(independent)
-    return _of_chains(np.moveaxis(values, 2, 0))
-
-
-def _of_chains(values: Float[np.ndarray, "m chain draw"]) -> Float[np.ndarray, "m summary"]:
+        return np.array([_of_independent(one.ravel(), worth) for one in columns])
     return np.array(
         [
             [
@@ -137,9 +132,20 @@ def _of_chains(values: Float[np.ndarray, "m chain draw"]) -> Float[np.ndarray, "
                 standard_error(one, "quantile", 0.05),
                 standard_error(one, "quantile", 0.95),
             ]
-            for one in values
+            for one in columns
         ]
     )
+
+
+def _of_independent(draws: Float[np.ndarray, " draw"], worth: float) -> list[float]:
+    """Of resampled draws, many of which are the same point: errors of as many independent ones as they are worth."""
+    away = draws - np.mean(draws)
+    variance = np.mean(away**2)
+    of_sd = np.sqrt(max(np.mean(away**4) / variance**2 - 1.0, 0.0) * variance / (4.0 * worth))
+    # Over two deviations of the share to both sides: over one, too few points would say how dense they lie.
+    spread = 2.0 * np.sqrt(0.05 * 0.95 / worth)
+    reach = [np.quantile(draws, np.clip([share - spread, share + spread], 0.0, 1.0)) for share in (0.05, 0.95)]
+    return [float(np.sqrt(variance / worth)), float(of_sd), *(float(0.25 * np.ptp(each)) for each in reach)]
 
 
 def _limit(count: int) -> float:
