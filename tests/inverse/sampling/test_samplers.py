@@ -22,6 +22,7 @@ from inverse.inference.problem import Problem
 from inverse.priors import Normal, Uniform
 from inverse.sampling import (
     StopRule,
+    default_walkers,
     diagnose_draws,
     laplace,
     sample_ensemble,
@@ -266,6 +267,12 @@ def test_batches_in_chunks_are_the_same(problem, found):
     np.testing.assert_allclose(batched_log_density(problem, chunk=4)(points), whole, rtol=1e-12)
     np.testing.assert_allclose(whole, [problem.log_density(jnp.asarray(u)) for u in points], rtol=1e-12)
     assert fingerprint(problem)["parameters"] == "coefficient_0 [m], coefficient_1 [m], coefficient_2 [m]"
+
+
+def test_fewer_walkers_where_each_of_them_takes_long(problem):
+    (measurement,) = problem.measurements
+    long = dataclasses.replace(problem, measurements=(dataclasses.replace(measurement, is_long=True),))
+    assert default_walkers(problem) == 128 and default_walkers(long) == 16
 
 
 def test_stop_rule_in_numbers():
