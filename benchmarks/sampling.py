@@ -25,8 +25,10 @@ from inverse.sampling import (
     bridge_evidence,
     compare,
     diagnose_draws,
+    importance_evidence,
     laplace,
     sample_ensemble,
+    sample_importance,
     sample_nuts,
     walkers_from_laplace,
 )
@@ -62,8 +64,11 @@ def case(problem: Problem, *, draws: int, most_steps: int, walkers: int, repeats
     moves = [(emcee.moves.StretchMove(), 1.0)]
     runs["emcee, differential evolution"] = sample_ensemble(problem, start, seed=1, most_steps=most_steps)
     runs["emcee, stretch"] = sample_ensemble(problem, start, seed=1, most_steps=most_steps, moves=moves)
-    compared = compare(problem, {"nuts": runs["nuts"], "nuts, compiled": again, **runs})
+    weighted = sample_importance(problem, found, seed=1, draws=draws, evaluations=20_000, most_evaluations=400_000)
+    compared = compare(problem, {"nuts": runs["nuts"], "nuts, compiled": again, **runs, "importance": weighted})
     evidences = {name: bridge_evidence(problem, run) for name, run in runs.items()}
+    evidences["importance"] = importance_evidence(weighted)
+    runs["importance"] = weighted
     return {
         "parameters": list(problem.parameters.names),
         "laplace": {"seconds": seconds, "log evidence": found.log_evidence, "message": found.message},

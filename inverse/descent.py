@@ -20,14 +20,17 @@ CONVERGED = 1e-6
 LEAST_CURVATURE = 0.1
 """Curvature at least taken for directions along which the function hardly curves: a spread of about 3."""
 
-_BFGS_STEPS = 300
+BFGS_STEPS = 300
+NEWTON_STEPS = 50
+"""Steps at most, unless told otherwise."""
+_OUT_OF_STEPS = 1
+"""What scipy's status of BFGS is where the number of steps ended it."""
 _FIRST_STEP, _STEP = 1e-4, 1e-2
 """Steps of differences: of the variable, and in units of its spread."""
 _NOWHERE = 1e10
 """Value where there is none, from which a line search turns back; ten times that at the start if this is higher."""
 _SADDLE = -1e-6
 """Least curvature, over the largest, of what counts as a minimum."""
-_NEWTON_STEPS = 50
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,12 +62,14 @@ class Descent:
         value: There; infinite if it is not a number.
         gain: What one more Newton step would gain.
         n_steps: Steps taken.
+        out_of_steps: Whether it ended because no more steps were allowed, not by itself.
     """
 
     point: Float[np.ndarray, " n"]
     value: float
     gain: float
     n_steps: int
+    out_of_steps: bool = False
 
     @property
     def converged(self) -> bool:
@@ -120,7 +125,11 @@ def whitening(curvature: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
 
 
 def descend(
-    gradient: Gradient, start: Float[np.ndarray, " n"], factor: Float[np.ndarray, "n n"] | None = None
+    gradient: Gradient,
+    start: Float[np.ndarray, " n"],
+    factor: Float[np.ndarray, "n n"] | None = None,
+    *,
+    max_steps: int = BFGS_STEPS,
 ) -> Descent:
     """BFGS in whitened coordinates.
 
@@ -129,6 +138,7 @@ def descend(
         start: Where it begins.
         factor: Coordinates, one a column, in which the function curves by about one; from the curvature at the start
             if not given.
+        max_steps: Steps after which it is stopped.
     """
     if factor is None:
         about = expand(gradient, start)
@@ -146,20 +156,27 @@ def descend(
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")  # of line searches that end early: what was reached is judged later
         found = optimize.minimize(
-            cost, np.zeros_like(start), jac=True, method="BFGS", options={"maxiter": _BFGS_STEPS, "gtol": 1e-5}
+            cost, np.zeros_like(start), jac=True, method="BFGS", options={"maxiter": max_steps, "gtol": 1e-5}
         )
     value = float(found.fun)
     sound = value < nowhere
     # In these coordinates the curvature is about one.
     gain = 0.5 * float(np.sum(np.asarray(found.jac) ** 2)) if sound else np.inf
-    return Descent(start + axes @ found.x, value if sound else np.inf, gain, int(found.nit))
+    stopped = int(found.status) == _OUT_OF_STEPS
+    return Descent(start + axes @ found.x, value if sound else np.inf, gain, int(found.nit), stopped)
 
 
-def polish(gradient: Gradient, begun: Descent) -> Descent:
-    """Newton steps with as much damping as it takes to go down, from where a descent ended."""
+def polish(gradient: Gradient, begun: Descent, *, max_steps: int = NEWTON_STEPS) -> Descent:
+    """Newton steps with as much damping as it takes to go down, from where a descent ended.
+
+    Args:
+        gradient: Value and gradient.
+        begun: The descent.
+        max_steps: Steps after which it is stopped; with none it is only told whether the point is a minimum.
+    """
     point, here = begun.point, expand(gradient, begun.point)
-    damping, gain, steps = 0.0, np.inf, begun.n_steps
-    for _ in range(_NEWTON_STEPS):
+    damping, gain, steps, stopped = 0.0, np.inf, begun.n_steps, False
+    while True:
         if not here.is_finite:
             gain = np.inf
             break
@@ -169,6 +186,10 @@ def polish(gradient: Gradient, begun: Descent) -> Descent:
         gain = float(0.5 * np.sum(along**2 / safe))
         if gain < CONVERGED**2:
             gain = gain if is_minimum(here.curvature) else np.inf
+            break
+        if steps - begun.n_steps >= max_steps:
+            gain = gain if is_minimum(here.curvature) else np.inf
+            stopped = not gain < CONVERGED
             break
         candidate = point - vectors @ (along / (safe + damping * np.max(safe)))
         there = expand(gradient, candidate)
@@ -180,10 +201,17 @@ def polish(gradient: Gradient, begun: Descent) -> Descent:
             break  # what is left to gain is below rounding
         else:
             damping = max(10.0 * damping, 1e-6)
-    return Descent(point, here.value if np.isfinite(here.value) else np.inf, gain, steps)
+    return Descent(point, here.value if np.isfinite(here.value) else np.inf, gain, steps, stopped)
 
 
 def is_minimum(curvature: Float[np.ndarray, "n n"]) -> bool:
     """Whether a function of this curvature falls nowhere, where its gradient is zero."""
     eigenvalues = np.linalg.eigvalsh(curvature)
     return bool(eigenvalues[0] >= _SADDLE * max(abs(eigenvalues[-1]), LEAST_CURVATURE))
+
+
+def newton_gain(slope: Float[np.ndarray, " n"], curvature: Float[np.ndarray, "n n"]) -> float:
+    """What one Newton step would take off a function, each direction of negative curvature turned round."""
+    eigenvalues, axes = np.linalg.eigh(0.5 * (curvature + curvature.T))
+    size = np.maximum(np.abs(eigenvalues), 1e-8 * np.max(np.abs(eigenvalues)))
+    return float(0.5 * np.sum((axes.T @ slope) ** 2 / size))

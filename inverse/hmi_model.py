@@ -95,6 +95,22 @@ def _sweep_in_time(data: HmiData, protocol: StepwiseProtocol, reference_temperat
     return Sweep(protocol, reference_temperature, states, True, np.arange(len(data.time)), places)
 
 
+def sweeps_of_each(sweeps: tuple[Sweep, ...], data: HmiData) -> tuple[tuple[Sweep, ...], ...]:
+    """The same sweeps taken apart, so that each sonication has its own."""
+    return tuple(
+        tuple(part for sweep in sweeps if (part := _only(sweep, np.asarray(data.rows_of(label)))) is not None)
+        for label in data.labels
+    )
+
+
+def _only(sweep: Sweep, rows: Int[np.ndarray, " some"]) -> Sweep | None:
+    kept = np.isin(sweep.rows, rows)
+    if not np.any(kept):
+        return None
+    used, places = np.unique(sweep.places[kept], return_inverse=True)
+    return dataclasses.replace(sweep, states=sweep.states[used], rows=sweep.rows[kept], places=places)
+
+
 def predict(
     model: Model, sweeps: tuple[Sweep, ...], settings: Discretisation, *, n_rows: int, in_percent: bool
 ) -> Float[Array, " n"]:

@@ -16,10 +16,11 @@ from jaxtyping import Float
 from arfjax import Discretisation, Effort, Experiment, Model, discretise
 from inverse.datasets.hmi import HmiData
 from inverse.fast_hmi import FastHmi, Verification, prepare_fast
-from inverse.hmi_model import plan_sweeps
-from inverse.inference.experiment import InferenceSettings, anchored, free_parameters, inference_problem
+from inverse.hmi_model import plan_sweeps, sweeps_of_each
+from inverse.inference.experiment import InferenceSettings, anchored, inference_problem, population
 from inverse.inference.hmi import hmi_measurement, noise_of, used_rows
 from inverse.inference.problem import Measurement, Problem, State
+from inverse.inference.sonications import Sonications, models_of
 from inverse.inference.widened import widened
 from inverse.sampling import laplace
 
@@ -43,18 +44,51 @@ class FastPrediction:
     """A measurement's prediction by a fast model. No pytree, because the model's positions must be concrete.
 
     Attributes:
-        fast: The model.
+        parts: The fast model; where constants differ from sonication to sonication, one for the rows of each.
         n_rows: Rows of the data.
         in_percent: Whether they are percent of a reference, not metres.
     """
 
-    fast: FastHmi
+    parts: tuple[FastHmi, ...]
     n_rows: int
     in_percent: bool
 
-    def __call__(self, model: Model) -> Float[jax.Array, " n"]:
+    def __call__(self, model: Model | Sonications) -> Float[jax.Array, " n"]:
         """Displacement for every row of the data, NaN where the model is not covered."""
-        return self.fast.predict(model, n_rows=self.n_rows, in_percent=self.in_percent)
+        # A part leaves the rows of other sonications at zero.
+        return sum(
+            (
+                part.predict(each, n_rows=self.n_rows, in_percent=self.in_percent)
+                for part, each in zip(self.parts, models_of(model, len(self.parts)), strict=True)
+            ),
+            jnp.zeros(self.n_rows),
+        )
+
+    def excess(self, model: Model | Sonications) -> Float[jax.Array, ""]:
+        """How far the model of the worst sonication lies from what is covered, see `FastHmi.excess`."""
+        pairs = zip(self.parts, models_of(model, len(self.parts)), strict=True)
+        return jnp.max(jnp.stack([part.excess(each) for part, each in pairs]))
+
+    def verify(
+        self, models: Sequence[Model | Sonications], settings: Discretisation, *, on_step: OnStep = lambda what: None
+    ) -> Verification:
+        """The fast model against the full one with some settings."""
+        checked = []
+        for number, part in enumerate(self.parts):
+            checked.append(
+                part.verify(
+                    [models_of(model, len(self.parts))[number] for model in models],
+                    settings,
+                    n_rows=self.n_rows,
+                    in_percent=self.in_percent,
+                    on_step=lambda what, done, of: on_step(f"full model: {what} {done} of {of}"),
+                )
+            )
+        return Verification(
+            sum((each.fast for each in checked), np.zeros(self.n_rows)),
+            sum((each.full for each in checked), np.zeros(self.n_rows)),
+            np.all([each.covered for each in checked], axis=0),
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,19 +111,15 @@ class HmiProblem:
         """Share of unconstrained numbers, such as draws of the posterior, that lie at the edge of what is covered."""
 
         def excess(point: jax.Array) -> jax.Array:
-            return self.prediction.fast.excess(self.problem.state_of(self.problem.values(point)).model)
+            return self.prediction.excess(self.problem.state_of(self.problem.values(point)).model)
 
         return float(np.mean(np.asarray(jax.jit(lambda many: jax.lax.map(excess, many))(jnp.asarray(points))) > _EDGE))
 
     def verify(self, points: Float[np.ndarray, "point n"], *, on_step: OnStep = lambda what: None) -> Verification:
         """The fast model against the full one at unconstrained numbers, such as draws of the posterior."""
         values = (self.problem.values(jnp.asarray(point)) for point in points)
-        return self.prediction.fast.verify(
-            [self.problem.state_of(each).model for each in values],
-            self.settings,
-            n_rows=self.prediction.n_rows,
-            in_percent=self.prediction.in_percent,
-            on_step=lambda what, done, of: on_step(f"full model: {what} {done} of {of}"),
+        return self.prediction.verify(
+            [self.problem.state_of(each).model for each in values], self.settings, on_step=on_step
         )
 
 
@@ -139,9 +169,12 @@ def hmi_problem(
             draws, plan, fine, heat_settings=heat_settings, effort=effort,
             on_step=lambda step, done, of: on_step(f"{what}: {step} {done} of {of}"),
         )  # fmt: skip
-        prediction = FastPrediction(fast, len(data.displacement), data.in_percent)
+        differ = sweeps_of_each(plan, data) if settings.across_sonications else (plan,)
+        parts = tuple(FastHmi(fast.curve, sweeps) for sweeps in differ)
+        prediction = FastPrediction(parts, len(data.displacement), data.in_percent)
         measured = hmi_measurement(data, prediction, reference_temperature=settings.reference_temperature_c)
-        return HmiProblem(inference_problem(settings, model, (*others, measured)), prediction, fine)
+        problem = inference_problem(settings, model, (*others, measured), sonications=data.labels)
+        return HmiProblem(problem, prediction, fine)
 
     broad = learn(_draws_of_prior(settings, model, data, others, seed), effort, "fast model")
     if not focus:
@@ -153,7 +186,7 @@ def hmi_problem(
     key = jax.random.key(seed + 2)
     points = normal.mode + _FOCUSED_WIDER * (normal.draw(key, _FOCUSED_DRAWS) - normal.mode)
     draws = [broad.problem.state_of(broad.problem.values(jnp.asarray(u))).model for u in [normal.mode, *points]]
-    return learn(draws, focused_effort, "fast model, focused")
+    return learn([*models_of(draws[0], 1), *_one_of_each(draws[1:])], focused_effort, "fast model, focused")
 
 
 def _draws_of_prior(
@@ -161,7 +194,13 @@ def _draws_of_prior(
 ) -> list[Model]:
     noise = {measurement.name: measurement.noise for measurement in others}
     noise["hmi"] = noise_of(data, used_rows(data, settings.reference_temperature_c))
-    wide = widened(free_parameters(settings, model, noise), _WIDER)
+    parameters, root = population(settings, model, noise, data.labels)
+    wide = widened(parameters, _WIDER)
     keys = jax.random.split(jax.random.key(seed + 1), _DRAWS)
     points = jax.vmap(lambda key: wide.values(wide.draw(key)))(keys)
-    return [wide.write(State(model, noise), point).model for point in points]
+    return _one_of_each([wide.write(State(root, noise), point).model for point in points])
+
+
+def _one_of_each(draws: list[Model | Sonications]) -> list[Model]:
+    """Of each draw one sonication's model, in turn: all of them have to be covered, each as well as the others."""
+    return [models[number % len(models)] for number, models in enumerate(models_of(draw, 1) for draw in draws)]

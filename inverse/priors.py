@@ -123,7 +123,8 @@ class LogNormal(Prior):
 
     def describe(self, unit: str) -> str:
         """Median and spread of the logarithm."""
-        return f"log-normal, median {self.median:.4g} {unit}, standard deviation of its logarithm {self.log_sd:.3g}"
+        median = f"{self.median:.4g} {unit}".strip()
+        return f"log-normal, median {median}, standard deviation of its logarithm {self.log_sd:.3g}"
 
 
 class Uniform(Prior):

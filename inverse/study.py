@@ -76,6 +76,7 @@ class Study:
     def warnings(self) -> tuple[str, ...]:
         """Everything that a reader of the numbers has to know."""
         found = [finding.sentence for finding in self.audit.findings]
+        found += [sentence for one in self.profiles for sentence in one.warnings]
         found += (
             [] if self.laplace is None or self.laplace.is_sound else [f"Normal approximation: {self.laplace.message}."]
         )
@@ -93,6 +94,7 @@ class Effort:
         warmup: Steps of NUTS that are not kept.
         most_steps: Of the ensemble, if its rule for stopping is not met before.
         evaluations: Of the density by importance sampling.
+        most_evaluations: Of it, while its draws are worth fewer than 400 independent ones.
         with_profiles: Whether to take profiles of the fit.
         level: Of intervals of profiles.
         chunk: Points whose density is computed at once; None for as many as there are.
@@ -104,6 +106,7 @@ class Effort:
     warmup: int = 500
     most_steps: int = 20_000
     evaluations: int = 4000
+    most_evaluations: int = 20_000
     with_profiles: bool = True
     level: float = 0.95
     chunk: int | None = None
@@ -186,7 +189,7 @@ def _sample(
     if sampler is Sampler.IMPORTANCE:
         return sample_importance(
             problem, normal, seed=seed, chains=effort.chains, draws=effort.draws, evaluations=effort.evaluations,
-            chunk=effort.chunk, on_step=on_step,
+            most_evaluations=effort.most_evaluations, chunk=effort.chunk, on_step=on_step,
         )  # fmt: skip
     return _normal_draws(problem, normal, seed, effort)
 

@@ -26,13 +26,14 @@ from inverse.figures.posterior import (
 from inverse.hmi_problem import HmiProblem, hmi_problem
 from inverse.inference.dma import dma_measurement, dma_problem, of_liver
 from inverse.inference.experiment import (
+    DIFFERING,
     anchored,
     inference_problem,
     inference_settings,
 )
 from inverse.inference.hmi import used_rows
 from inverse.inference.problem import Problem
-from inverse.sampling import posterior_record, save_posterior
+from inverse.sampling import left_out, posterior_record, save_posterior
 from inverse.study import Effort, Sampler, Study, infer
 
 _MOST_SEPARATE = 4
@@ -44,11 +45,12 @@ _BATCH = 16
 
 
 class Across(enum.StrEnum):
-    """What sweeps differ by whose constants come from one population."""
+    """What sweeps, or curves of HMI, differ by whose constants come from one population."""
 
     NONE = "none"
     SAMPLE = "sample"
     TEMPERATURE = "temperature"
+    SONICATION = "sonication"
 
 
 def infer_command(
@@ -62,9 +64,16 @@ def infer_command(
         Sampler | None, typer.Option(help="How the posterior is explored; nuts, or importance with HMI, if not given.")
     ] = None,
     temperature: Annotated[float | None, typer.Option(help="The sweep nearest to this temperature [degC].")] = None,
-    across: Annotated[Across, typer.Option(help="Constants of all sweeps from one population.")] = Across.NONE,
+    across: Annotated[
+        Across, typer.Option(help="Constants of all sweeps, or sonications, from one population.")
+    ] = Across.NONE,
+    varying: Annotated[
+        list[str] | None, typer.Option(help="With --across sonication: a constant that differs; may be repeated.")
+    ] = None,
     draws: Annotated[int, typer.Option(help="Draws of each of four chains.", min=50)] = 1000,
-    steps: Annotated[int, typer.Option(help="Steps of emcee at most.", min=100)] = 20_000,
+    steps: Annotated[
+        int, typer.Option(help="Steps of emcee, or evaluations of importance sampling, at most.", min=100)
+    ] = 20_000,
     evidence: Annotated[bool, typer.Option("--evidence", help="Estimate the evidence, too.")] = False,
     profiles: Annotated[bool, typer.Option(help="Profile likelihoods.")] = True,
     starts: Annotated[int, typer.Option(help="Starts of the fit.", min=1)] = 16,
@@ -84,22 +93,19 @@ def infer_command(
         raise InputError("HMI needs an experiment file: `arfjax infer EXPERIMENT.toml --hmi FILE --out DIR`.")
     if evidence and sampler in (Sampler.LAPLACE, Sampler.NONE):
         raise InputError("--evidence needs draws of the posterior: take --sampler nuts, emcee or importance.")
-    if experiment is not None and across is not Across.NONE:
-        raise InputError(
-            "--across goes with sweeps alone: with an experiment all sweeps are of the one liver in it. Leave out "
-            "the experiment, or choose a sweep by --temperature."
-        )
+    _check_across(across, varying, experiment, hmi)
     sampler = sampler or (Sampler.NUTS if hmi is None else Sampler.IMPORTANCE)
     sweeps = [] if dma is None else _sweeps(dma, temperature, across, alone=experiment is None)
     effort = Effort(
         starts=starts if hmi is None else min(starts, 4),
         draws=draws,
         most_steps=steps,
+        most_evaluations=steps,
         with_profiles=profiles,
         chunk=None if hmi is None else _BATCH,
     )
     with working("reading") as say:
-        problem, panels, made = _problem(experiment, sweeps, hmi, across, seed, say)
+        problem, panels, made = _problem(experiment, sweeps, hmi, across, varying or [], seed, say)
         out.mkdir(parents=True, exist_ok=True)
         file = out / "run.h5" if sampler in (Sampler.NUTS, Sampler.EMCEE) else None
         study = infer(problem, sampler=sampler, seed=seed, effort=effort, evidence=evidence, file=file, on_step=say)
@@ -109,7 +115,8 @@ def infer_command(
             remark = " ".join(each for each in (remark, _cut_off(made, study)) if each)
         with output_directory(out) as folder:
             say("figures")
-            figures = _write_posterior(folder, study, panels, seed)
+            figures, note = _write_posterior(folder, study, panels, seed)
+            remark = " ".join(each for each in (remark, note) if each)
             write_parameters(folder / "parameters.csv", study)
             inputs = {name: path for name, path in given.items() if path is not None}
             (folder / "report.md").write_text(report(study, inputs, figures, checked, remark), encoding="utf-8")
@@ -118,10 +125,29 @@ def infer_command(
                 command="infer",
                 inputs=inputs,
                 seed=seed,
-                settings={"sampler": sampler.value, "across": across.value, "draws": draws, "starts": starts},
+                settings={
+                    "sampler": sampler.value,
+                    "across": across.value,
+                    "varying": varying or [],
+                    "draws": draws,
+                    "starts": starts,
+                },
                 results=results(study, checked, remark),
             )
     _show(study, remark, out)
+
+
+def _check_across(across: Across, varying: list[str] | None, experiment: Path | None, hmi: Path | None) -> None:
+    """Refuse populations of what there is none of."""
+    if varying and across is not Across.SONICATION:
+        raise InputError("--varying names what differs between sonications: give --across sonication, too.")
+    if across is Across.SONICATION and hmi is None:
+        raise InputError("--across sonication needs the sonications of an HMI file: give --hmi FILE, or leave it out.")
+    if experiment is not None and across in (Across.SAMPLE, Across.TEMPERATURE):
+        raise InputError(
+            "--across sample or temperature goes with sweeps alone: with an experiment all sweeps are of the one liver "
+            "in it. Leave out the experiment, choose a sweep by --temperature, or take --across sonication."
+        )
 
 
 def _sweeps(path: Path, temperature: float | None, across: Across, *, alone: bool) -> list[Sweep]:
@@ -144,6 +170,7 @@ def _problem(
     sweeps: list[Sweep],
     hmi: Path | None,
     across: Across,
+    varying: list[str],
     seed: int,
     say: Callable[[str], None],
 ) -> tuple[Problem, dict[str, list[Panel]], HmiProblem | None]:
@@ -154,10 +181,14 @@ def _problem(
         return dma_problem(sweeps, across=population), panels, None
     described = read_experiment(experiment)
     settings = inference_settings(described, str(experiment))
+    if across is Across.SONICATION:
+        names = tuple(varying) or settings.across_sonications or DIFFERING
+        settings = settings.model_copy(update={"across_sonications": names})
     measurements = [dma_measurement(sweeps, of_liver)] if sweeps else []
     if hmi is None:
         model = anchored(described.model(), settings)
-        return inference_problem(settings, model, tuple(measurements)), panels, None
+        alone = settings.model_copy(update={"across_sonications": ()})
+        return inference_problem(alone, model, tuple(measurements)), panels, None
     data = read_hmi(hmi)
     say("fast model: drawing models to learn from")
     made = hmi_problem(described, settings, data, measurements, seed=seed, on_step=say)
@@ -177,9 +208,10 @@ def _cut_off(made: HmiProblem, study: Study) -> str:
     )
 
 
-def _write_posterior(folder: Path, study: Study, panels: dict[str, list[Panel]], seed: int) -> list[str]:
+def _write_posterior(folder: Path, study: Study, panels: dict[str, list[Panel]], seed: int) -> tuple[list[str], str]:
+    """Names of the figures, and what must be known of the record."""
     if study.draws is None:
-        return []
+        return [], ""
     record = posterior_record(study.problem, study.draws, seed=seed)
     save_posterior(record, folder / "posterior.nc")
     names = [entry.name for entry in study.problem.parameters.entries]
@@ -187,7 +219,7 @@ def _write_posterior(folder: Path, study: Study, panels: dict[str, list[Panel]],
     drawn |= {"overlap": draw_overlap(record), "traces": draw_traces(record)}
     if len(study.problem.parameters.columns) <= _CORNER:
         drawn["corner"] = draw_corner(record, names)
-    return write_figures(folder, drawn)
+    return write_figures(folder, drawn), left_out(record)
 
 
 def _show(study: Study, remark: str, out: Path) -> None:

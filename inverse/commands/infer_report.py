@@ -10,14 +10,19 @@ import numpy as np
 
 from inverse.commands.output import quantity
 from inverse.fast_hmi import Verification
+from inverse.inference.profile import Profile, Stop
 from inverse.study import Study
 
 FAST_ACCURACY = 5e-3
 """Error of the fast model's curves over their largest value that it is meant to keep."""
 
+_DOUBTFUL = " ?"
+"""Beside an interval that may be too narrow, as a warning says."""
+
 _COLUMNS = (
-    "parameter unit estimate standard_error profile_lower profile_upper profile_level profile_ends posterior_mean "
-    "posterior_sd posterior_5_percent posterior_median posterior_95_percent r_hat bulk_ess tail_ess prior prior_source"
+    "parameter unit estimate standard_error profile_lower profile_upper profile_level profile_ends profile_converged "
+    "posterior_mean posterior_sd posterior_5_percent posterior_median posterior_95_percent r_hat bulk_ess tail_ess "
+    "prior prior_source"
 ).split()
 
 
@@ -39,11 +44,12 @@ def parameter_rows(study: Study) -> tuple[tuple[str, ...], list[list[str]]]:
             str(row["unit"]),
             _number(row["estimate"]),
             _number(row["standard_error"], 2),
-            _range(row.get("profile_lower"), row.get("profile_upper")),
+            _range(row.get("profile_lower"), row.get("profile_upper"))
+            + _DOUBTFUL * (row.get("profile_converged") is False),
             _number(row.get("posterior_mean")),
             _number(row.get("posterior_sd"), 2),
             _range(row.get("posterior_5_percent"), row.get("posterior_95_percent")),
-            "" if row.get("r_hat") is None else f"{row['r_hat']:.3f}",
+            "" if row.get("r_hat") is None or math.isnan(row["r_hat"]) else f"{row['r_hat']:.3f}",
         ]
         for row in _rows(study)
     ]
@@ -104,7 +110,8 @@ def _fit_lines(study: Study) -> list[str]:
     lines += [f"- {each.sentence}" for each in study.audit.findings] or ["Nothing was found wrong with it."]
     lines += [f"- {one.name}, profile: {side}." for one in study.profiles for side in _open_ends(one)]
     condition = study.audit.identification.condition_number
-    return [*lines, "", f"Condition number of the Fisher information: {condition:.3g}.", ""]
+    told = f"{condition:.3g}" if math.isfinite(condition) else "infinite, for what is not determined"
+    return [*lines, "", f"Condition number of the Fisher information: {told}.", ""]
 
 
 def _posterior_lines(study: Study, checked: Verification | None, remark: str) -> list[str]:
@@ -130,9 +137,9 @@ def _judged(checked: Verification) -> str:
     return f", more than the {100.0 * FAST_ACCURACY:g} % that it is meant to keep: count it as noise, or narrow priors"
 
 
-def _open_ends(profile) -> list[str]:
-    sides = zip(("lower", "upper"), profile.stops, strict=True)
-    return [f"the {name} side {stop.value}" for name, stop in sides if stop.name != "CROSSED"]
+def _open_ends(profile: Profile) -> list[str]:
+    sides = zip(("lower", "upper"), profile.ends, strict=True)
+    return [f"the {name} side {said}" for name, said in sides if said != Stop.CROSSED.value]
 
 
 def _beliefs(study: Study) -> list[list[str]]:
@@ -161,7 +168,8 @@ def _rows(study: Study) -> list[dict[str, Any]]:
         if name in profiles:
             one = profiles[name]
             row |= {"profile_lower": one.interval[0], "profile_upper": one.interval[1], "profile_level": one.level}
-            row["profile_ends"] = "; ".join(stop.value for stop in one.stops)
+            row["profile_ends"] = "; ".join(one.ends)
+            row["profile_converged"] = one.converged
         if name in drawn:
             found = drawn[name]
             row |= {
@@ -189,7 +197,9 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 def _cell(value: Any) -> str:
     if value is None:
         return ""
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.6g}"
+    return str(value)
 
 
 def _number(value: float | None, digits: int = 4) -> str:

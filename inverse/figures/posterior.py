@@ -1,6 +1,7 @@
 """Figures of a posterior: pairs of parameters, predictions on the data, what was learnt, and whether chains mixed."""
 
 import dataclasses
+import textwrap
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -241,7 +242,7 @@ def draw_traces(data: Any) -> Figure:
     axes[-1, 0].set_xlabel("draw")
     axes[-1, 1].set_xlabel("rank among all draws [%]")
     axes[0, 0].set_title("chains", fontsize="medium", loc="left")
-    axes[0, 1].set_title("share of ranks over that expected", fontsize="medium", loc="left")
+    axes[0, 1].set_title("ranks over those expected", fontsize="medium", loc="left")
     figure.align_ylabels(list(axes[:, 0]))
     return figure
 
@@ -296,8 +297,12 @@ class _Shown:
 
 
 def _wrapped(text: str) -> str:
-    """The unit in a line of its own where the label is long."""
-    return text.replace(" [", "\n[") if len(text) > 14 else text
+    """In lines that fit beside small axes, the unit in one of its own where the label is long."""
+    if len(text) <= 14:
+        return text
+    title, _, unit = text.partition(" [")
+    lines = textwrap.wrap(title, 18)
+    return "\n".join([*lines, f"[{unit}"] if unit else lines)
 
 
 def _logarithmic_ticks(low: float, high: float) -> list[float]:
@@ -322,13 +327,16 @@ def _prefix(unit: str, size: float) -> tuple[float, str]:
 
 
 def _density(values: Float[np.ndarray, " draw"], grid: Float[np.ndarray, " place"]) -> Float[np.ndarray, " place"]:
-    """By a histogram three times as fine as the kernel that then smooths it; draws beside the grid count, unseen."""
+    """By a histogram finer than the kernel that then smooths it; what lies beside the grid is smoothed into it."""
     finite = values[np.isfinite(values)]
-    edges = np.linspace(grid[0], grid[-1], len(grid) + 1)
+    beside = len(grid) // 4
+    step = (grid[-1] - grid[0]) / (len(grid) - 1)
+    edges = grid[0] + step * (np.arange(-beside, len(grid) + beside + 1) - 0.5)
     spread = min(float(np.std(finite)), float(np.ptp(np.quantile(finite, [0.25, 0.75]))) / 1.34)
     width = 0.9 * max(spread, 1e-12) * min(len(finite), 1000) ** -0.2
-    counts = np.histogram(finite, edges)[0] / (len(values) * (edges[1] - edges[0]))
-    return ndimage.gaussian_filter1d(counts, max(width / (edges[1] - edges[0]), 0.5), mode="nearest")
+    counts = np.histogram(finite, edges)[0] / (len(values) * step)
+    smooth = ndimage.gaussian_filter1d(counts, max(width / step, 0.5), mode="nearest")
+    return smooth[beside : beside + len(grid)]
 
 
 def _draw_marginal(axis: Axes, one: _Shown) -> None:

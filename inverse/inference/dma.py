@@ -20,6 +20,7 @@ from inverse.dma_residuals import LogModulus
 from inverse.inference.noise import NoiseModel, Series
 from inverse.inference.parameter_set import Entry, ParameterSet, Varying, parameter
 from inverse.inference.problem import Measurement, Problem
+from inverse.inference.sonications import Sonications
 from inverse.parameters import Parameter
 from inverse.priors import ASSUMED, LogNormal, LogUniform, Prior, Uniform
 
@@ -69,7 +70,7 @@ def of_samples(model: Samples, sweep: int, temperature: Scalar) -> Solid:
     return model.solids[sweep].solid
 
 
-def of_liver(model: Model, sweep: int, temperature: Scalar) -> Solid:
+def of_liver(model: Model | Sonications, sweep: int, temperature: Scalar) -> Solid:
     """Liver at the sweep's temperature [degC]: what DMA and HMI of one organ share."""
     law = model.liver.viscoelasticity
     if law is None:

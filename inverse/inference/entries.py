@@ -149,7 +149,8 @@ class Single(Entry):
     def beliefs(self) -> tuple[tuple[str, str], ...]:
         """The prior, in words."""
         prior = self.parameter.prior
-        said = ("none", "") if prior is None else (prior.describe(self.parameter.unit), prior.source)
+        unit = "" if self.parameter.unit == "1" else self.parameter.unit
+        said = ("none", "") if prior is None else (prior.describe(unit), prior.source)
         return (said,) * self._count
 
 
@@ -250,7 +251,7 @@ class Varying(Entry):
         drawn = (f"drawn from the population of {len(self.groups)} {self.dimension}s", "")
         return (
             *Single(self.parameter).beliefs,
-            (self.spread.describe("1"), self.spread.source),
+            (self.spread.describe(""), self.spread.source),
             *((drawn,) * len(self.groups)),
         )
 

@@ -10,11 +10,13 @@
     unit = "Pa"
     prior = { kind = "log-normal", log_sd = 0.5, source = "assumed (ours)" }
 
-A log-normal prior without a median is about what the model holds. Places begin with `model.`, or with `noise.hmi.` and
-`noise.dma.`. Where the file names no parameters, those of `DEFAULTS` are free.
+Constants named in `across_sonications = ["lesion_stiffness"]` differ from sonication to sonication about the middle of
+a population; `population_spread = 0.5` is the scale of the half-normal prior of its standard deviation (of the
+logarithm, for positive constants). A log-normal prior without a median is about what the model holds. Places begin with
+`model.`, or with `noise.hmi.` and `noise.dma.`. Where the file names no parameters, those of `DEFAULTS` are free.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Literal
 
 import equinox as eqx
@@ -27,6 +29,7 @@ from inverse.inference import places
 from inverse.inference.noise import NoiseModel
 from inverse.inference.parameter_set import ParameterSet, parameter
 from inverse.inference.problem import Measurement, Problem, State
+from inverse.inference.sonications import Sonications, across_sonications
 from inverse.priors import ASSUMED, HalfNormal, LogNormal, LogUniform, Normal, Prior, Uniform
 
 _Number = Annotated[float, Strict(), AllowInfNan(False)]
@@ -92,6 +95,8 @@ class InferenceSettings(_Section):
     reference_temperature_c: _Celsius = 37.0
     attenuation_anchors_c: tuple[_Celsius, ...] = (35.0, 45.0, 55.0, 65.0, 84.0)
     parameters: tuple[ParameterSection, ...] = ()
+    across_sonications: tuple[str, ...] = ()
+    population_spread: Annotated[_Number, Field(gt=0.0)] = 0.5
 
     @model_validator(mode="after")
     def _sound(self) -> "InferenceSettings":
@@ -99,6 +104,10 @@ class InferenceSettings(_Section):
         if len(anchors) < 2 or any(b - a < 1.0 for a, b in zip(anchors, anchors[1:], strict=False)):
             raise ValueError(f"attenuation_anchors_c must be two or more that rise by 1 K or more, got {anchors}")
         return self
+
+
+DIFFERING = ("lesion_stiffness",)
+"""What differs where populations are asked for and nothing is named: each sonication makes a lesion of its own."""
 
 
 def _default(name: str, place: str, unit: str, label: str, log_sd: float) -> ParameterSection:
@@ -205,7 +214,45 @@ def _entry(section: ParameterSection, state: State) -> Any:
     return parameter(section.name, section.place, section.unit, prior, label=section.label, relative=section.relative)
 
 
-def inference_problem(settings: InferenceSettings, model: Model, measurements: tuple[Measurement, ...]) -> Problem:
-    """The inference that a file asks for: a model, what is free in it, what was measured."""
+def inference_problem(
+    settings: InferenceSettings,
+    model: Model,
+    measurements: tuple[Measurement, ...],
+    *,
+    sonications: Sequence[str] = (),
+) -> Problem:
+    """The inference that a file asks for: a model, what is free in it, what was measured.
+
+    Args:
+        settings: From `inference_settings`.
+        model: The model.
+        measurements: Of it.
+        sonications: What those of HMI data are called, between which constants may differ.
+
+    Raises:
+        InputError: if a place does not exist, or what is to differ between sonications cannot.
+    """
     noise = {measurement.name: measurement.noise for measurement in measurements}
-    return Problem(free_parameters(settings, model, noise), model, measurements)
+    parameters, root = population(settings, model, noise, sonications)
+    return Problem(parameters, root, measurements)
+
+
+def population(
+    settings: InferenceSettings, model: Model, noise: dict[str, NoiseModel], sonications: Sequence[str]
+) -> tuple[ParameterSet, Model | Sonications]:
+    """The free parameters and the model that they stand in, for each sonication where constants are to differ.
+
+    Raises:
+        InputError: as `inference_problem`.
+    """
+    parameters = free_parameters(settings, model, noise)
+    if not settings.across_sonications:
+        return parameters, model
+    return across_sonications(
+        parameters,
+        model,
+        settings.across_sonications,
+        sonications,
+        spread=settings.population_spread,
+        with_sweeps="dma" in noise,
+    )

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
 from inverse.bounded import multi_start_bounded
-from inverse.descent import descend, expand, is_minimum, polish
+from inverse.descent import NEWTON_STEPS, Descent, descend, expand, is_minimum, newton_gain, polish
 from inverse.inference.compiled import as_arrays, cost_of
 from inverse.inference.curvature import bounds, cost_curvature, root_of_curvature
 from inverse.inference.problem import Problem
@@ -150,7 +150,7 @@ def judge(problem: Problem, values: Float[np.ndarray, " m"]) -> Fit:
     entries = problem.parameters.entries
     u = jnp.stack([jnp.asarray(e.parameter.transform.inverse(v)) for e, v in zip(entries, values, strict=True)])
     about = expand(cost_of(problem), np.asarray(u))
-    gain = _newton_gain(about.slope, about.curvature)
+    gain = newton_gain(about.slope, about.curvature)
     sound = gain < _MINIMUM and is_minimum(about.curvature)
     stands = MultiStart(u[None], jnp.asarray([about.value]), jnp.asarray([0 if sound else 1]), jnp.asarray([0]))
     ends = tuple(problem.parameters.ends(np.asarray(u)))
@@ -164,13 +164,6 @@ def judge(problem: Problem, values: Float[np.ndarray, " m"]) -> Fit:
         uncertainty=_uncertainty(problem, np.asarray(values, dtype=float), ends, False),
         judged=True,
     )
-
-
-def _newton_gain(slope: Float[np.ndarray, " n"], curvature: Float[np.ndarray, "n n"]) -> float:
-    """What one Newton step would take off the cost, each direction of negative curvature turned round [nats]."""
-    eigenvalues, axes = np.linalg.eigh(0.5 * (curvature + curvature.T))
-    size = np.maximum(np.abs(eigenvalues), 1e-8 * np.max(np.abs(eigenvalues)))
-    return float(0.5 * np.sum((axes.T @ slope) ** 2 / size))
 
 
 def draw_starts(problem: Problem, count: int, seed: int) -> Float[Array, "start n"]:
@@ -216,7 +209,7 @@ def _minimise(
         inner, values = _minimise(problem, _unbounded(problem), starts, max_steps)
         return _bounded(problem, inner, values, max_steps)
     if method is Method.NEWTON:
-        found = _by_newton(problem, starts)
+        found = _by_newton(problem, starts, max_steps)
     elif method in _LEAST_SQUARES:
         found = _squares(problem, starts, max_steps, method is Method.DOGLEG)
     else:
@@ -231,18 +224,30 @@ def _unbounded(problem: Problem) -> Method:
     return Method.LEVENBERG_MARQUARDT if problem.is_least_squares else Method.BFGS
 
 
-def _by_newton(problem: Problem, starts: Float[Array, "start n"]) -> MultiStart:
+def _by_newton(problem: Problem, starts: Float[Array, "start n"], max_steps: int) -> MultiStart:
     """Every start on its own by BFGS, the lowest finished by Newton's steps."""
     cost = cost_of(problem)
-    ended = [descend(cost, np.asarray(start)) for start in starts]
+    ended = [descend(cost, np.asarray(start), max_steps=max_steps) for start in starts]
     lowest = int(np.argmin([each.value for each in ended]))
-    ended[lowest] = polish(cost, ended[lowest])
+    left = max_steps - ended[lowest].n_steps
+    polished = polish(cost, ended[lowest], max_steps=min(left, NEWTON_STEPS))
+    # Newton's own limit is no limit of the caller's, who would be told in vain to allow more steps.
+    ended[lowest] = dataclasses.replace(polished, out_of_steps=polished.out_of_steps and left <= NEWTON_STEPS)
     return MultiStart(
         np.stack([each.point for each in ended]),
         np.array([each.value for each in ended]),
-        np.array([0 if each.converged else 1 if np.isfinite(each.value) else 2 for each in ended]),
+        np.array([_status(each) for each in ended]),
         np.array([each.n_steps for each in ended]),
     )
+
+
+def _status(ended: Descent) -> int:
+    """Index into `inverse.least_squares.STATUS`."""
+    if ended.converged:
+        return 0
+    if not np.isfinite(ended.value):
+        return 2
+    return 1 if ended.out_of_steps else 3
 
 
 @eqx.filter_jit

@@ -31,7 +31,9 @@ def hmi_measurement(
     """HMI data as a measurement of a model.
 
     Rows that were measured at the reference temperature itself are 100 percent by construction. They say nothing of
-    the model and are left out; their error is in all other rows of their sonication.
+    the model and are left out; their error is in all other rows of their sonication. Of a curve over time, whose
+    temperatures are not known, that is the first row of exactly 100 percent: predictions are then in percent of the
+    one for that row, which is what the data were divided by.
 
     Args:
         data: What was measured.
@@ -43,9 +45,12 @@ def hmi_measurement(
     """
     rows = used_rows(data, reference_temperature)
     measured = np.asarray(data.displacement)[rows]
+    divisor = _divisors(data)[rows]
 
     def of_rows(model: Any) -> Float[Array, " n"]:
-        return predict(model)[jnp.asarray(rows)]
+        found = predict(model)
+        scale = jnp.where(jnp.asarray(divisor) >= 0, 100.0 / found[jnp.asarray(divisor)], 1.0)
+        return found[jnp.asarray(rows)] * scale
 
     return Measurement(
         name,
@@ -60,10 +65,27 @@ def hmi_measurement(
 
 def used_rows(data: HmiData, reference_temperature: float) -> Int[np.ndarray, " n"]:
     """Rows of the file that say something of the model, in the order of the measurement's data."""
-    if not data.in_percent or data.temperature is None:
+    if not data.in_percent:
         return np.arange(len(data.displacement))
+    if data.temperature is None:
+        divisors = _divisors(data)
+        return np.flatnonzero(divisors != np.arange(len(divisors)))
     at_reference = np.abs(np.asarray(data.temperature) - reference_temperature) < SAME_TEMPERATURE_K
     return np.flatnonzero(~(at_reference & (np.asarray(data.displacement) == 100.0)))
+
+
+def _divisors(data: HmiData) -> Int[np.ndarray, " row"]:
+    """For each row of curves over time the row of its sonication that it was divided by; -1 where the file has none."""
+    found = np.full(len(data.displacement), -1)
+    if not data.in_percent or data.temperature is not None or data.time is None:
+        return found
+    for label in data.labels:
+        rows = np.asarray(data.rows_of(label))
+        rows = rows[np.argsort(np.asarray(data.time)[rows], kind="stable")]
+        whole = rows[np.asarray(data.displacement)[rows] == 100.0]
+        if len(whole):
+            found[rows] = whole[0]
+    return found
 
 
 def noise_of(data: HmiData, rows: Int[np.ndarray, " n"]) -> NoiseModel:

@@ -28,6 +28,8 @@ from inverse.transforms import LogInterval, Positive
 FREE = 1.0
 """Standard deviation of a logarithm, or of a fraction of a range, above which a direction counts as free."""
 
+_SQUARED, _EXACT, _OF_DIFFERENCES = 1e-24, 1e-14, 1e-10
+"""Share of the largest eigenvalue that rounding leaves of none: of a Jacobian, a Hessian, differences of gradients."""
 _TAKES_PART = 0.05
 """Share of a free direction's largest component below which a constant does not take part in it."""
 _SAME_EXPONENT = 0.02
@@ -123,6 +125,8 @@ def _spectrum(
     _, singular, found = np.linalg.svd(jacobian[:, asked], full_matrices=True)
     eigenvalues, directions = np.zeros(len(asked)), np.zeros((len(asked), len(values)))
     eigenvalues[: len(singular)] = singular[: len(asked)] ** 2
+    rounding = _SQUARED if problem.is_least_squares else _OF_DIFFERENCES if problem.is_long else _EXACT
+    eigenvalues[eigenvalues < rounding * eigenvalues[0]] = 0.0
     directions[:, asked] = found
     return eigenvalues, directions
 

@@ -12,13 +12,14 @@ import functools
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
 from arfjax.errors import InputError
-from inverse.descent import descend, expand, whitening
+from inverse.descent import descend, expand, newton_gain, whitening
 from inverse.inference.compiled import cost_of
 from inverse.inference.fit import Fit
 from inverse.inference.parameter_set import ParameterSet
@@ -32,6 +33,8 @@ _MOST_STEPS = 24
 _BISECTIONS = 7
 _FURTHEST = 20.0
 """Distance in the unconstrained coordinate, a factor of 5e8 of a positive constant, at which a search gives up."""
+_FINISHED = 1e-3
+"""Nats that one more step of a refit may still gain: a two-thousandth of what an interval at 95 percent rises by."""
 _LOWER_MINIMUM = 1e-2
 """Nats by which a cost below the fit's is a lower minimum and not rounding."""
 
@@ -59,6 +62,9 @@ class Profile:
         threshold: Rise at the ends of the interval [nats].
         interval: Lower and upper end; the last value tried, or the bound, where there is no crossing.
         stops: Why each side ended.
+        refits: Fits of the other constants on each side.
+        unfinished: How many of them did not come to a minimum. Their costs are too high, so that an end that lies
+            among them may lie too near.
     """
 
     name: str
@@ -69,11 +75,44 @@ class Profile:
     threshold: float
     interval: tuple[float, float]
     stops: tuple[Stop, Stop]
+    refits: tuple[int, int]
+    unfinished: tuple[int, int]
 
     @property
     def is_closed(self) -> bool:
         """Whether the data limit the parameter on both sides."""
         return all(stop is Stop.CROSSED for stop in self.stops)
+
+    @property
+    def converged(self) -> bool:
+        """Whether every fit of the other constants came to a minimum."""
+        return self.unfinished == (0, 0)
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """Why each side ended, and whether its fits did, in words."""
+        lower, upper = (
+            stop.value
+            + (f", but {unfinished} of {count} fits of the other constants did not converge" * bool(unfinished))
+            for stop, count, unfinished in zip(self.stops, self.refits, self.unfinished, strict=True)
+        )
+        return lower, upper
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader of the interval must know, a sentence a side."""
+        found = []
+        for side, stop, count, unfinished in zip(
+            ("lower", "upper"), self.stops, self.refits, self.unfinished, strict=True
+        ):
+            if unfinished:
+                found.append(
+                    f"Profile of {self.name}: {unfinished} of {count} fits of the other constants on the {side} side "
+                    "did not converge, so that the interval may be too narrow there."
+                )
+            if stop in (Stop.LOWER_MINIMUM, Stop.NOT_FITTED):
+                found.append(f"Profile of {self.name}: the {side} side {stop.value}.")
+        return tuple(found)
 
 
 def profile(fit: Fit, name: str, *, level: float = 0.95, refit: "Refit | None" = None) -> Profile:
@@ -98,7 +137,10 @@ def profile(fit: Fit, name: str, *, level: float = 0.95, refit: "Refit | None" =
     column = entry.columns[0]
     threshold = 0.5 * float(stats.chi2.ppf(level, 1))
     search = _Search(fit, place, threshold, refit or refit_of(fit))
-    down, up = search.side(-1.0), search.side(+1.0)
+    down = search.side(-1.0)
+    below = search.count()
+    up = search.side(+1.0)
+    above = search.count()
     transform = entry.parameter.transform
     tried = sorted(search.tried.items())
     return Profile(
@@ -110,6 +152,8 @@ def profile(fit: Fit, name: str, *, level: float = 0.95, refit: "Refit | None" =
         threshold=threshold,
         interval=(float(transform.forward(down[0])), float(transform.forward(up[0]))),
         stops=(down[1], up[1]),
+        refits=(below[0], above[0] - below[0]),
+        unfinished=(below[1], above[1] - below[1]),
     )
 
 
@@ -124,8 +168,9 @@ def profiles(
     return tuple(found)
 
 
-Refit = Callable[[int, float, Float[np.ndarray, " k"]], tuple[float, Float[np.ndarray, " k"]]]
-"""Given a place, the unconstrained number held there and the others' first guess: the lowest cost, and the others."""
+Refit = Callable[[int, float, Float[np.ndarray, " k"]], tuple[float, Float[np.ndarray, " k"], bool]]
+"""Given a place, the unconstrained number held there and the others' first guess: the lowest cost, the others, and
+whether that is a minimum."""
 
 
 def refit_of(fit: Fit) -> Refit:
@@ -136,13 +181,18 @@ def refit_of(fit: Fit) -> Refit:
 
 def _in_a_batch(
     problem: Problem, place: int, held: float, others: Float[np.ndarray, " k"]
-) -> tuple[float, Float[np.ndarray, " k"]]:
+) -> tuple[float, Float[np.ndarray, " k"], bool]:
     start, at = jnp.asarray(others), jnp.asarray(held)
     if len(others) == 0:
-        return float(_cost_alone(problem, at)), others
+        return float(_cost_alone(problem, at)), others, True
     refit = _refit_squares if problem.is_least_squares else _refit
-    cost, found = refit(problem, jnp.asarray(place), at, start)
-    return float(cost), np.asarray(found)
+    cost, found, status = refit(problem, jnp.asarray(place), at, start)
+    if int(status) == 0:
+        return float(cost), np.asarray(found), True
+    # A solver that crept along a flat valley to its last step may be at the bottom all the same.
+    slope, curvature = (np.asarray(each) for each in _expanded(problem, jnp.asarray(place), at, found))
+    sound = np.all(np.isfinite(slope)) and np.all(np.isfinite(curvature))
+    return float(cost), np.asarray(found), bool(sound) and newton_gain(slope, curvature) <= _FINISHED
 
 
 def _on_one_gradient(problem: Problem, solution: Float[np.ndarray, " n"]) -> Refit:
@@ -150,16 +200,19 @@ def _on_one_gradient(problem: Problem, solution: Float[np.ndarray, " n"]) -> Ref
     cost = cost_of(problem)
     curvature = expand(cost, solution).curvature
 
-    def refit(place: int, held: float, others: Float[np.ndarray, " k"]) -> tuple[float, Float[np.ndarray, " k"]]:
+    def refit(place: int, held: float, others: Float[np.ndarray, " k"]) -> tuple[float, Float[np.ndarray, " k"], bool]:
         def gradient(each: Float[np.ndarray, " k"]) -> tuple[float, Float[np.ndarray, " k"]]:
             value, slope = cost(np.insert(each, place, held))
             return value, np.delete(slope, place)
 
         if len(others) == 0:
-            return gradient(others)[0], others
+            return gradient(others)[0], others, True
         factor = whitening(np.delete(np.delete(curvature, place, 0), place, 1))
         found = descend(gradient, others, factor)
-        return found.value, found.point
+        if np.isfinite(found.value) and found.gain > _FINISHED:
+            # Far from the fit its curvature is not that of the cost: once more, with the one that is there.
+            found = descend(gradient, found.point)
+        return found.value, found.point, found.gain <= _FINISHED
 
     return refit
 
@@ -181,6 +234,11 @@ class _Search:
         self._minimum = fit.cost
         self._step = _FIRST_STEP * self._width(fit)
         self.tried: dict[float, float] = {self._centre: 0.0}
+        self._ended: list[bool] = []
+
+    def count(self) -> tuple[int, int]:
+        """Refits so far, and how many of them did not come to a minimum."""
+        return len(self._ended), self._ended.count(False)
 
     def _width(self, fit: Fit) -> float:
         """About one standard deviation in the unconstrained coordinate."""
@@ -227,8 +285,9 @@ class _Search:
         return 0.5 * (low + high)
 
     def _rise(self, held: float, others: Float[np.ndarray, " k"]) -> tuple[float, Float[np.ndarray, " k"]]:
-        cost, found = self._refit(self._place, held, others)
+        cost, found, converged = self._refit(self._place, held, others)
         rise = cost - self._minimum
+        self._ended.append(converged)
         self.tried[held] = rise
         return rise, found
 
@@ -257,13 +316,21 @@ def _cost_alone(problem: Problem, held):
 
 
 @eqx.filter_jit
+def _expanded(problem: Problem, place, held, others):
+    def cost(each):
+        return problem.cost(_joined(each, place, held))
+
+    return jax.grad(cost)(others), jax.hessian(cost)(others)
+
+
+@eqx.filter_jit
 def _refit_squares(problem: Problem, place, held, start):
     found = multi_start(lambda others, _: problem.residuals(_joined(others, place, held)), start[None])
     solution = jnp.asarray(found.solutions)[0]
-    return problem.cost(jnp.asarray(_joined(solution, place, held))), solution
+    return problem.cost(jnp.asarray(_joined(solution, place, held))), solution, found.status[0]
 
 
 @eqx.filter_jit
 def _refit(problem: Problem, place, held, start):
     found = multi_start_minimise(lambda others, _: problem.cost(_joined(others, place, held)), start[None])
-    return found.costs[0], jnp.asarray(found.solutions)[0]
+    return found.costs[0], jnp.asarray(found.solutions)[0], found.status[0]

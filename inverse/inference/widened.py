@@ -2,20 +2,24 @@
 
 import equinox as eqx
 
-from inverse.inference.parameter_set import ParameterSet, Single, parameter
+from inverse.inference.parameter_set import Entry, ParameterSet, Single, Varying, parameter
 from inverse.priors import HalfNormal, LogNormal, Normal, Prior
 
 
 def widened(parameters: ParameterSet, factor: float) -> ParameterSet:
-    """Single parameters with spreads or logarithmic widths multiplied by a factor; uniform ranges stay as they are.
+    """Parameters with spreads or logarithmic widths multiplied by a factor; uniform ranges stay as they are.
 
     What lies outside a uniform prior has no posterior density, so that no sampler asks for it.
     """
-    return ParameterSet(tuple(_wide(e, factor) if isinstance(e, Single) else e for e in parameters.entries))
+    return ParameterSet(tuple(_wide(entry, factor) for entry in parameters.entries))
 
 
-def _wide(entry: Single, factor: float) -> Single:
+def _wide(entry: Entry, factor: float) -> Entry:
     old = entry.parameter
+    if isinstance(entry, Varying):
+        middle = _wide(Single(old), factor).parameter
+        spread = HalfNormal(entry.spread.sd * factor, source=entry.spread.source)
+        return Varying(middle, entry.groups, entry.dimension, spread)
     if old.prior is None:
         return entry
     return parameter(old.name, old.place, old.unit, _wider(old.prior, factor), label=old.label, relative=old.relative)

@@ -26,4 +26,5 @@ from inverse.sampling.nuts import sample_nuts as sample_nuts
 from inverse.sampling.overlap import overlap_coefficient as overlap_coefficient
 from inverse.sampling.rank_calibration import RankCalibration as RankCalibration
 from inverse.sampling.rank_calibration import calibrate_ranks as calibrate_ranks
+from inverse.sampling.record import left_out as left_out
 from inverse.sampling.record import posterior_record as posterior_record

@@ -86,11 +86,16 @@ def compare(problem: Problem, runs: dict[str, Draws]) -> Comparison:
         runs: By the name of the sampler.
     """
     values = [values_of(problem, draws) for draws in runs.values()]
-    summaries, errors = np.stack([_summaries(each) for each in values]), np.stack([_errors(each) for each in values])
+    worth = [_worth(draws) for draws in runs.values()]
+    summaries = np.stack([_summaries(each) for each in values])
+    errors = np.stack([_errors(each, size) for each, size in zip(values, worth, strict=True)])
     with np.errstate(divide="ignore", invalid="ignore"):
         distances = (summaries - summaries[:1]) / np.sqrt(errors**2 + errors[:1] ** 2)
     count = range(values[0].shape[2])
-    sizes = [min(min(bulk_size(each[:, :, k]), tail_size(each[:, :, k])) for k in count) for each in values]
+    sizes = [
+        min(min(bulk_size(each[:, :, k]), tail_size(each[:, :, k])) for k in count) if size is None else size
+        for each, size in zip(values, worth, strict=True)
+    ]
     return Comparison(
         tuple(runs),
         problem.parameters.names,
@@ -109,7 +114,16 @@ def _summaries(values: Float[np.ndarray, "chain draw m"]) -> Float[np.ndarray, "
     return np.stack([flat.mean(axis=0), flat.std(axis=0, ddof=1), low, high], axis=1)
 
 
-def _errors(values: Float[np.ndarray, "chain draw m"]) -> Float[np.ndarray, "m summary"]:
+def _worth(draws: Draws) -> float | None:
+    """Independent draws that weighted ones are worth; None for draws of chains, whose own course tells."""
+    size = draws.settings.get("effective_size")
+    return None if size is None else float(size)
+
+
+def _errors(values: Float[np.ndarray, "chain draw m"], worth: float | None) -> Float[np.ndarray, "m summary"]:
+    columns = np.moveaxis(values, 2, 0)
+    if worth is not None:
+        return np.array([_of_independent(one.ravel(), worth) for one in columns])
     return np.array(
         [
             [
@@ -118,9 +132,20 @@ def _errors(values: Float[np.ndarray, "chain draw m"]) -> Float[np.ndarray, "m s
                 standard_error(one, "quantile", 0.05),
                 standard_error(one, "quantile", 0.95),
             ]
-            for one in np.moveaxis(values, 2, 0)
+            for one in columns
         ]
     )
+
+
+def _of_independent(draws: Float[np.ndarray, " draw"], worth: float) -> list[float]:
+    """Of resampled draws, many of which are the same point: errors of as many independent ones as they are worth."""
+    away = draws - np.mean(draws)
+    variance = np.mean(away**2)
+    of_sd = np.sqrt(max(np.mean(away**4) / variance**2 - 1.0, 0.0) * variance / (4.0 * worth))
+    # Over two deviations of the share to both sides: over one, too few points would say how dense they lie.
+    spread = 2.0 * np.sqrt(0.05 * 0.95 / worth)
+    reach = [np.quantile(draws, np.clip([share - spread, share + spread], 0.0, 1.0)) for share in (0.05, 0.95)]
+    return [float(np.sqrt(variance / worth)), float(of_sd), *(float(0.25 * np.ptp(each)) for each in reach)]
 
 
 def _limit(count: int) -> float:

@@ -85,13 +85,18 @@ class Diagnostics:
                 row.name,
                 row.unit,
                 *(f"{value:.4g}" for value in (row.mean, row.sd, row.lower, row.median, row.upper)),
-                f"{row.r_hat:.3f}",
+                _shown(row.r_hat, ".3f"),
                 *(f"{value:.0f}" for value in (row.bulk_size, row.tail_size)),
-                f"{row.autocorrelation_time:.3g}",
+                _shown(row.autocorrelation_time, ".3g"),
                 f"{row.mean_error:.2g}",
             ]
             for row in self.rows
         ]
+
+
+def _shown(value: float, form: str) -> str:
+    """A number, or a dash where there is none, such as R-hat of draws that are no chains."""
+    return "–" if np.isnan(value) else format(value, form)
 
 
 def values_of(problem: Problem, draws: Draws) -> Float[np.ndarray, "chain draw m"]:

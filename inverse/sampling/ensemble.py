@@ -105,8 +105,8 @@ def walkers_from_prior(
 
 
 def default_walkers(problem: Problem) -> int:
-    """Four to a parameter, and no fewer than 128: a batch of them takes hardly longer than one."""
-    return max(128, 4 * problem.parameters.size)
+    """Four to a parameter and no fewer than 16; 128 where a batch of short predictions takes hardly longer than one."""
+    return max(16 if problem.is_long else 128, 4 * problem.parameters.size)
 
 
 def sample_ensemble(

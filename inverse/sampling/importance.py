@@ -1,15 +1,18 @@
 r"""Importance sampling: independent draws near the posterior, each with the weight that makes it one of the posterior.
 
 The proposal is Student's t with the mode and the spread of the Laplace approximation, moved once to the mean and
-spread that its own weighted draws have. A posterior in ten dimensions that is near normal takes a few thousand
-evaluations, in batches and without gradients: minutes where a trajectory for every draw would take hours. Whether the
-proposal reaches the posterior's tails is told by the fitted Pareto shape of the largest weights: above 0.7 the draws
-are not to be trusted.
+spread that its own weighted draws have. Where those draws are worth too few, it is moved again, and all draws since
+are weighted by the mixture of the proposals that they came from. A posterior in ten dimensions that is near normal
+takes a few thousand evaluations, in batches and without gradients: minutes where a trajectory for every draw would take
+hours. Whether the proposal reaches the posterior's tails is told by the fitted Pareto shape of the largest weights:
+above 0.7 the draws are not to be trusted.
 
 Source: A. Vehtari, D. Simpson, A. Gelman, Y. Yao & J. Gabry, Pareto smoothed importance sampling, J. Mach. Learn. Res.
-    25 (2024) 1; one step of adaptation as in O. Cappé et al., Stat. Comput. 18 (2008) 447.
+    25 (2024) 1; adaptation as in O. Cappé et al., Stat. Comput. 18 (2008) 447, and J.-M. Cornuet et al., Scand. J.
+    Stat. 39 (2012) 798.
 """
 
+import dataclasses
 import time
 from collections.abc import Callable
 
@@ -44,6 +47,8 @@ def sample_importance(
     draws: int = 1000,
     chains: int = 4,
     evaluations: int = 4000,
+    most_evaluations: int | None = None,
+    enough: float = 400.0,
     chunk: int | None = None,
     on_step: Callable[[str], None] = lambda what: None,
 ) -> Draws:
@@ -56,6 +61,8 @@ def sample_importance(
         draws: Of each chain; all are exchangeable, chains are only how they are counted.
         chains: How many.
         evaluations: Of the log density, a quarter of them for the first proposal.
+        most_evaluations: Up to which there are further rounds while the draws are worth too few; none if not given.
+        enough: Independent draws that they should be worth.
         chunk: Points whose density is computed at once; None for as many as there are.
         on_step: Told in words how far it is.
 
@@ -72,17 +79,18 @@ def sample_importance(
     density = batched_log_density(problem, chunk=chunk)
     first = max(evaluations // 4, 10 * len(found.mode))
     on_step(f"importance: {first} draws of the normal approximation")
-    points, logs, *_ = _weighted(density, found.mode, _WIDER**2 * found.covariance, first, rng)
-    smooth, _ = smoothed_weights(logs)
-    share = np.exp(smooth)
-    mean = share @ points
-    # The first draws may be few in some directions: their spread is pulled half-way to the approximation's.
-    spread = 0.5 * ((points - mean).T * share) @ (points - mean) + 0.5 * found.covariance
-    on_step(f"importance: {evaluations - first} draws")
-    points, logs, heights, refused = _weighted(density, mean, _WIDER**2 * spread, max(evaluations - first, first), rng)
-    smooth, shape = smoothed_weights(logs)
-    share = np.exp(smooth)
-    size = float(1.0 / np.sum(share**2))
+    spread = found.covariance
+    pool = _Pool((_Round.of(density, found.mode, spread, first, rng),))
+    mean, spread = pool.moved(spread)
+    count, spent, most = max(evaluations - first, first), first, most_evaluations or evaluations
+    pool = _Pool(())
+    while not pool.rounds or (pool.size < enough and spent + count <= most):
+        on_step(f"importance: {count} draws{f', after {spent}' if pool.rounds else ''}")
+        pool = _Pool((*pool.rounds, _Round.of(density, mean, spread, count, rng)))
+        spent += count
+        mean, spread = pool.moved(spread)
+    points, heights, logs = pool.points, pool.heights, pool.log_weights
+    share, shape, size, refused = pool.share, pool.shape, pool.size, pool.refused
     taken = rng.permutation(_systematic(share, chains * draws, rng))
     return Draws(
         unconstrained=points[taken].reshape(chains, draws, -1),
@@ -100,35 +108,83 @@ def sample_importance(
         },
         finished=shape <= LARGEST_SHAPE and refused <= _MOST_REFUSED,
         message=_message(len(points), size, shape, refused),
-        evaluations=first + len(points),
+        evaluations=spent,
         seconds=time.monotonic() - begun,
     )
 
 
-def _weighted(
-    density: Callable[[Float[np.ndarray, "point n"]], Float[np.ndarray, " point"]],
-    centre: Float[np.ndarray, " n"],
-    spread: Float[np.ndarray, "n n"],
-    count: int,
-    rng: np.random.Generator,
-) -> tuple[Float[np.ndarray, "point n"], Float[np.ndarray, " point"], Float[np.ndarray, " point"], float]:
-    """Points with a density, logarithms of their weights, log densities, and the share of points without one."""
-    n = len(centre)
-    factor = np.linalg.cholesky(spread * (_FREEDOM - 2.0) / _FREEDOM)
-    standard = rng.standard_normal((count, n)) / np.sqrt(rng.chisquare(_FREEDOM, (count, 1)) / _FREEDOM)
-    points = centre + standard @ factor.T
-    constant = special.gammaln(0.5 * (_FREEDOM + n)) - special.gammaln(0.5 * _FREEDOM)
-    constant -= 0.5 * n * np.log(_FREEDOM * np.pi) + np.sum(np.log(np.diag(factor)))
-    proposed = constant - 0.5 * (_FREEDOM + n) * np.log1p(np.sum(standard**2, axis=1) / _FREEDOM)
-    heights = density(points)
-    usable = np.isfinite(heights)
-    if np.sum(usable) < _FEWEST:
-        raise InputError(
-            f"{np.sum(usable)} of {count} proposals about the mode have a finite log density: the model covers hardly "
-            "anything of the posterior, or its normal approximation is none. Narrow the priors, or take other draws to "
-            "prepare a fast model with."
-        )
-    return points[usable], (heights - proposed)[usable], heights[usable], float(np.mean(~usable))
+@dataclasses.dataclass(frozen=True)
+class _Round:
+    """Draws of one proposal.
+
+    Attributes:
+        centre: Of the proposal.
+        factor: Lower triangular, of Student's t.
+        count: Draws, with those that have no density.
+        points: Those with one.
+        heights: Their log densities [nats].
+    """
+
+    centre: Float[np.ndarray, " n"]
+    factor: Float[np.ndarray, "n n"]
+    count: int
+    points: Float[np.ndarray, "point n"]
+    heights: Float[np.ndarray, " point"]
+
+    @classmethod
+    def of(
+        cls,
+        density: Callable[[Float[np.ndarray, "point n"]], Float[np.ndarray, " point"]],
+        centre: Float[np.ndarray, " n"],
+        spread: Float[np.ndarray, "n n"],
+        count: int,
+        rng: np.random.Generator,
+    ) -> "_Round":
+        """Draw, and keep what has a density."""
+        factor = np.linalg.cholesky(_WIDER**2 * spread * (_FREEDOM - 2.0) / _FREEDOM)
+        standard = rng.standard_normal((count, len(centre))) / np.sqrt(rng.chisquare(_FREEDOM, (count, 1)) / _FREEDOM)
+        points = centre + standard @ factor.T
+        heights = density(points)
+        usable = np.isfinite(heights)
+        if np.sum(usable) < _FEWEST:
+            raise InputError(
+                f"{np.sum(usable)} of {count} proposals about the mode have a finite log density: the model covers "
+                "hardly anything of the posterior, or its normal approximation is none. Narrow the priors, or take "
+                "other draws to prepare a fast model with."
+            )
+        return cls(centre, factor, count, points[usable], heights[usable])
+
+    def log_density(self, points: Float[np.ndarray, "point n"]) -> Float[np.ndarray, " point"]:
+        """Of the proposal."""
+        n = len(self.centre)
+        standard = np.linalg.solve(self.factor, (points - self.centre).T)
+        constant = special.gammaln(0.5 * (_FREEDOM + n)) - special.gammaln(0.5 * _FREEDOM)
+        constant -= 0.5 * n * np.log(_FREEDOM * np.pi) + np.sum(np.log(np.diag(self.factor)))
+        return constant - 0.5 * (_FREEDOM + n) * np.log1p(np.sum(standard**2, axis=0) / _FREEDOM)
+
+
+class _Pool:
+    """Draws of several rounds, weighted by the mixture of their proposals."""
+
+    def __init__(self, rounds: tuple[_Round, ...]) -> None:
+        self.rounds = rounds
+        if not rounds:
+            return
+        self.points = np.concatenate([each.points for each in rounds])
+        self.heights = np.concatenate([each.heights for each in rounds])
+        total = sum(each.count for each in rounds)
+        mixture = np.stack([each.log_density(self.points) + np.log(each.count / total) for each in rounds])
+        self.log_weights = self.heights - np.logaddexp.reduce(mixture, axis=0)
+        smooth, self.shape = smoothed_weights(self.log_weights)
+        self.share = np.exp(smooth)
+        self.size = float(1.0 / np.sum(self.share**2))
+        self.refused = 1.0 - len(self.points) / total
+
+    def moved(self, spread: Float[np.ndarray, "n n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n"]]:
+        """Mean of the draws, and their spread pulled half-way to the last: few draws may tell of some directions."""
+        mean = self.share @ self.points
+        away = self.points - mean
+        return mean, 0.5 * (away.T * self.share) @ away + 0.5 * spread
 
 
 def _systematic(share: Float[np.ndarray, " point"], count: int, rng: np.random.Generator) -> np.ndarray:

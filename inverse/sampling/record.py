@@ -15,7 +15,7 @@ from inverse.inference.parameter_set import Entry, ParameterSet, Varying
 from inverse.inference.problem import Measurement, Problem
 from inverse.sampling.diagnostics import values_of
 from inverse.sampling.draws import Draws
-from inverse.sampling.inference_data import ARVIZ_VERSION, bundle
+from inverse.sampling.inference_data import ARVIZ_VERSION, bundle, groups_of
 from inverse.sampling.target import batched_values, coordinate_names, prior_points
 
 _MOST_ENSEMBLE_DRAWS = 20_000
@@ -47,7 +47,9 @@ def posterior_record(
     Returns:
         Groups `posterior` (values, by name, in units), `unconstrained_posterior`, `sample_stats`, `log_likelihood` (of
         measurements whose data are not tied by a common reference), `posterior_predictive`, `prior`, `prior_predictive`
-        and `observed_data`. Predictive groups hold `<measurement>`, with noise, and `<measurement>_mean`, without.
+        and `observed_data`. Predictive groups hold `<measurement>`, with noise, and `<measurement>_mean`, without;
+        draws for which the model predicts nothing, such as beyond a fast one's range, are left out of them, and
+        their attributes `draws_asked` and `draws_left_out` say how many.
     """
     draws = _thinned(draws)
     before, after, believed = jax.random.split(jax.random.key(seed), 3)
@@ -80,6 +82,17 @@ def posterior_record(
     }
     return bundle(
         groups, {**said, **{f"sampler_{name}": v for name, v in draws.settings.items()}, **(attributes or {})}
+    )
+
+
+def left_out(record: Any) -> str:
+    """A sentence on draws of the prior that the model predicts nothing for; empty if there are none."""
+    counts = groups_of(record)["prior_predictive"].attrs
+    if not counts["draws_left_out"]:
+        return ""
+    return (
+        f"Of {counts['draws_asked']} draws of the prior, {counts['draws_left_out']} lie where the model predicts "
+        "nothing: they are left out of `prior_predictive` in posterior.nc, which is narrower than the prior for that."
     )
 
 
@@ -190,14 +203,16 @@ def _predicted(problem: Problem, points: Float[np.ndarray, "draw n"], key: PRNGK
     means, drawn = jax.jit(lambda us, keys: jax.lax.map(lambda pair: predict(*pair), (us, keys)))(
         jnp.asarray(points), jax.random.split(key, len(points))
     )
-    data = xr.Dataset(coords={"chain": np.zeros(1, dtype=int), "draw": np.arange(len(points))})
+    told = np.all([np.all(np.isfinite(np.asarray(each)), axis=1) for each in means.values()], axis=0)
+    data = xr.Dataset(coords={"chain": np.zeros(1, dtype=int), "draw": np.flatnonzero(told)})
+    data.attrs = {"draws_asked": len(points), "draws_left_out": int(np.sum(~told))}
     for measurement in problem.measurements:
         data = _described(data, measurement)
         name, dimensions = measurement.name, ("chain", "draw", _datum(measurement))
         for ending, said, values in (("", "with noise", drawn), ("_mean", "without noise", means)):
             data[f"{name}{ending}"] = (
                 dimensions,
-                np.asarray(values[name])[None],
+                np.asarray(values[name])[told][None],
                 {"units": measurement.unit, "long_name": f"{name}, predicted {said}"},
             )
     return data

@@ -111,3 +111,16 @@ def test_a_costly_start_does_not_make_nowhere_attractive():
 
     found = descend(steep, np.zeros(1))
     np.testing.assert_allclose(found.point, 50.0, rtol=1e-6)
+
+
+def test_a_search_that_was_stopped_says_so():
+    """Two steps do not reach the end of the valley; a search that ends by itself was not stopped."""
+    short = descend(rosenbrock, np.array([-1.2, 1.0]), max_steps=2)
+    assert short.out_of_steps and short.n_steps == 2 and not short.converged
+    still = polish(rosenbrock, short, max_steps=1)
+    assert still.out_of_steps and still.n_steps == 3 and not still.converged
+    whole = polish(rosenbrock, descend(rosenbrock, np.array([-1.2, 1.0])))
+    assert whole.converged and not whole.out_of_steps
+    # With no step left, a minimum is still told from what is none.
+    assert polish(rosenbrock, Descent(np.ones(2), 0.0, 0.0, 9), max_steps=0).converged
+    assert not polish(rosenbrock, Descent(np.array([0.5, 0.2]), 1.0, 1.0, 9), max_steps=0).converged

@@ -25,7 +25,13 @@ def complaint(arguments: list[str], capsys) -> str:
     [
         (["--out", "{out}"], "nothing to infer from: give --dma FILE, --hmi FILE or both"),
         (["--out", "{out}", "--hmi", HMI], "HMI needs an experiment file"),
-        ([EXPERIMENT, "--out", "{out}", "--dma", POLYMER, "--across", "sample"], "--across goes with sweeps alone"),
+        ([EXPERIMENT, "--out", "{out}", "--dma", POLYMER, "--across", "sample"], "goes with sweeps alone"),
+        ([EXPERIMENT, "--out", "{out}", "--dma", POLYMER, "--across", "sonication"], "needs the sonications of an HMI"),
+        ([EXPERIMENT, "--out", "{out}", "--hmi", HMI, "--varying", "noise"], "give --across sonication, too"),
+        (
+            [EXPERIMENT, "--out", "{out}", "--hmi", HMI, "--across", "sonication", "--varying", "noise"],
+            "`noise` is not one constant of the model",
+        ),
         (["--out", "{out}", "--dma", POLYMER, "--sampler", "laplace", "--evidence"], "--evidence needs draws"),
         (["--out", "{out}", "--dma", POLYMER], "holds 21 sweeps; choose one by --temperature"),
         (["--out", "{out}", "--dma", POLYMER, "--sampler", "guess"], "Invalid value for '--sampler'"),

@@ -1,10 +1,23 @@
 """Sensitivities with known answers: products of powers, and Ishigami's function."""
 
+import dataclasses
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax import InputError
+from arfjax import (
+    InputError,
+    discretise,
+    read_experiment,
+    simulate_heating,
+    stepwise_displacement,
+    suomi2016,
+    tabulated_size,
+)
+from inverse.datasets.shipped import shipped
+from inverse.inference import places
 from inverse.inference.parameter_set import ParameterSet, parameter
 from inverse.inference.sensitivity import local_sensitivity, one_at_a_time, sobol_sensitivity
 from inverse.priors import Uniform
@@ -62,3 +75,27 @@ def test_impossible_samples_are_refused():
         sobol_sensitivity(constants(), MODEL, power, n_samples=4)
     with pytest.raises(InputError, match="not a number"):
         sobol_sensitivity(constants(Uniform(-1.0, 1.0)), MODEL, lambda m: jnp.log(m["a"]), n_samples=4)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_the_papers_quarter_up_and_down_is_one_call():
+    """Its lesion's modulus moves the displacement at 70 degC by about 2 points of that at 35 degC, ours by 2.5."""
+    described = read_experiment(shipped("suomi2016_experiment"))
+    model = jax.tree.map(jnp.asarray, described.model())
+    model = dataclasses.replace(model, lesion=dataclasses.replace(model.lesion, size=tabulated_size()))
+    settings, protocol = discretise(model, refinement=2.0), described.stepwise()
+
+    def percent(each):
+        heating = simulate_heating(each, protocol, settings)
+        pair = stepwise_displacement(each, jnp.asarray([35.0, 70.0]), protocol, settings, heating=heating)
+        return 100.0 * pair[1] / pair[0]
+
+    place = "lesion.viscoelasticity.branch_modulus.value"
+    stiffness = parameter("lesion_stiffness", f"model.{place}", "Pa", transform=Positive())
+    found = one_at_a_time(ParameterSet((stiffness,)), model, percent, change=0.25)
+    direct = [float(percent(places.write(model, place, jnp.asarray(k), relative=True))) for k in (0.75, 1.25)]
+    np.testing.assert_allclose([each.result[0] for each in found], direct, rtol=1e-9)
+    most = max(abs(float(each.difference[0])) for each in found)
+    assert most == pytest.approx(suomi2016.TEXT_MODULUS_VARIATION_POINTS, abs=1.0)
+    assert found[0].difference[0] > 0.0 > found[1].difference[0]

@@ -11,9 +11,11 @@ from inverse.inference.dma import dma_problem
 from inverse.inference.fit import fit, judge
 from inverse.inference.identifiability import identify
 from inverse.inference.noise import NoiseModel, unordered
-from inverse.inference.parameter_set import ParameterSet, parameter
+from inverse.inference.parameter_set import ParameterSet, Varying, parameter
 from inverse.inference.problem import Measurement, Problem
 from inverse.inference.profile import Stop, profile
+from inverse.parameters import Parameter
+from inverse.priors import LogNormal
 from inverse.reproduction.moduli import modulus_magnitude
 from inverse.reproduction.zener_table import fitted_frequencies
 from inverse.transforms import Positive
@@ -126,3 +128,47 @@ def test_few_starts_that_agree_are_told():
     problem = dma_problem(sweeps_of((2e3, 9e3, 0.08, 0.6)), estimate_noise=False, with_priors=False)
     lonely = audit(fit(problem, n_starts=1))
     assert lonely.of(Kind.STARTS) and not lonely.is_minimum
+
+
+def test_of_a_population_the_groups_are_asked_about():
+    """Data of one group alone: the other's value is what is not determined, the population and its spread are not."""
+    groups = Varying(
+        Parameter("size", "m", Positive(), "size", LogNormal(1.0, 1.0), "model.sizes[{group}]"), ("a", "b"), "sample"
+    )
+    measured = Measurement(
+        "of_a",
+        lambda model: jnp.log(model["sizes"][0]) + jnp.zeros(6),
+        jnp.zeros(6),
+        unordered(6),
+        NoiseModel(additive=0.01),
+    )
+    problem = Problem(ParameterSet((groups,)), {"sizes": (1.0, 1.0)}, (measured,))
+    found = identify(problem, np.array([1.0, 0.3, 1.0, 1.0]))
+    assert found.names == ("size_population", "size_spread", "size[a]", "size[b]")
+    assert found.rank == 1 and found.sentences == (
+        "size[b] is not determined by these data: it can change by more than a factor of e, or of its whole range.",
+    )
+    # All of the information is on the first group: 6 data of a hundredth each.
+    np.testing.assert_allclose(np.abs(found.directions[0]), [0.0, 0.0, 1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(found.eigenvalues, [6.0 / 0.01**2, 0.0], rtol=1e-10)
+    assert np.isinf(found.condition_number)
+
+
+def test_an_audit_of_what_has_no_value_near_zero():
+    """A model that covers no small values says nothing of its score there; one that does tells a square."""
+
+    def problem(covered_from: float) -> Problem:
+        size = parameter("size", "model.size", "m", transform=Positive(1.0))
+        measured = Measurement(
+            "square",
+            lambda model: jnp.where(model["size"] >= covered_from, model["size"] ** 2, jnp.nan) + jnp.zeros(5),
+            jnp.full(5, 0.01),
+            unordered(5),
+            NoiseModel(additive=0.1),
+        )
+        return Problem(ParameterSet((size,)), {"size": 0.5}, (measured,))
+
+    told, silent = (audit(judge(problem(edge), np.array([0.1]))) for edge in (0.0, 0.05))
+    assert told.of(Kind.VANISHING_SCORE)[0].parameters == ("size",)
+    assert not silent.of(Kind.VANISHING_SCORE)
+    assert np.isfinite(silent.identification.eigenvalues).all()

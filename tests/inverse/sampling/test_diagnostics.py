@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from inverse.sampling import compare, diagnose_draws, integrated_time, overlap_coefficient
+from inverse.sampling import compare, diagnose_draws, integrated_time, laplace, overlap_coefficient, sample_importance
 from tests.inverse.sampling.conjugate import conjugate_problem, exact_posterior
 from tests.inverse.sampling.test_evidence import exact_draws
 
@@ -85,6 +85,21 @@ def test_samplers_that_agree_and_one_that_does_not(problem):
     )
     other = compare(problem, {"0": runs["0"], "wide": dataclasses.replace(runs["1"], unconstrained=wider)})
     assert not other.agree and other.as_dict()["samplers"]["wide"]["values"]["coefficient_0"]["sd"]["distance"] > 5.0
+
+
+def test_weighted_draws_are_compared_by_what_they_are_worth(problem):
+    """Errors of resampled draws go with one over the root of their worth, and they agree with independent ones."""
+    exact = exact_draws(problem, seed=0)
+    weighted = sample_importance(problem, laplace(problem, n_starts=2), seed=3, draws=1000, evaluations=900)
+    found = compare(problem, {"exact": exact, "weighted": weighted})
+    worth = float(weighted.settings["effective_size"])
+    sd = np.sqrt(np.diag(exact_posterior(problem)[1]))
+    assert found.agree and found.sizes[1] == worth < 700.0
+    # Of normal values; how dense draws lie about a quantile is known from about twenty of them.
+    of_quantile = np.sqrt(0.05 * 0.95) / stats.norm.pdf(stats.norm.ppf(0.05))
+    np.testing.assert_allclose(found.errors[1, :, 0], sd / np.sqrt(worth), rtol=0.15)
+    np.testing.assert_allclose(found.errors[1, :, 1], sd / np.sqrt(2.0 * worth), rtol=0.25)
+    np.testing.assert_allclose(np.log(found.errors[1, :, 2:].T * np.sqrt(worth) / (sd * of_quantile)), 0.0, atol=0.9)
 
 
 @pytest.mark.parametrize("shift", [0.0, 1.0, 3.0])

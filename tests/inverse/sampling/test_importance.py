@@ -79,6 +79,25 @@ def test_draws_are_worth_what_their_weights_say(found):
     assert not any("Chains do not agree" in each for each in told.complaints)
 
 
+def test_rounds_are_added_until_draws_are_worth_enough(found):
+    """A proposal that is shifted and narrow: more rounds, no more than allowed, and the moments within their errors."""
+    off = dataclasses.replace(found, mode=found.mode + 2.0 * found.factor[:, 0], covariance=0.3 * found.covariance)
+    rule = {"seed": 8, "draws": 2000, "evaluations": 400}
+    one = sample_importance(PROBLEM, off, **rule)
+    several = sample_importance(PROBLEM, off, most_evaluations=20_000, enough=2000.0, **rule)
+    assert one.evaluations == 400 and float(one.settings["effective_size"]) < 250.0
+    size = float(several.settings["effective_size"])
+    assert several.finished and size >= 2000.0 and 2000 < several.evaluations < 10_000
+    limited = sample_importance(PROBLEM, off, most_evaluations=1000, enough=2000.0, **rule)
+    assert limited.evaluations == 1000 and float(limited.settings["effective_size"]) < 2000.0
+    mean, covariance, exact = exact_posterior(PROBLEM)
+    sd = np.sqrt(np.diag(covariance))
+    assert np.all(np.abs(several.flat.mean(axis=0) - mean) < 4.0 * sd / np.sqrt(size))
+    np.testing.assert_allclose(several.flat.std(axis=0), sd, rtol=4.0 / np.sqrt(2.0 * size) + 0.01)
+    weighed = importance_evidence(several)
+    assert abs(weighed.log_evidence - exact) < 4.0 * weighed.standard_error
+
+
 def test_evidence_is_the_mean_weight(found):
     """Within four standard errors of that of the linear model."""
     drawn = sample_importance(PROBLEM, found, seed=7, draws=100, evaluations=8000)

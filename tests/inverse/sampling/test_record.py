@@ -1,5 +1,6 @@
 """Records of posteriors: what is in them, with which units, and that files give back what went in."""
 
+import dataclasses
 import importlib.metadata
 
 import jax
@@ -12,7 +13,7 @@ from inverse.datasets.dma import group_sweeps, read_dma
 from inverse.datasets.shipped import shipped
 from inverse.figures import dma_panels, draw_corner, draw_overlap, draw_predictions, draw_traces
 from inverse.inference.dma import dma_problem
-from inverse.sampling import Draws, load_posterior, posterior_record, save_posterior
+from inverse.sampling import Draws, left_out, load_posterior, posterior_record, save_posterior
 from inverse.sampling.inference_data import groups_of
 from inverse.sampling.target import batched_log_density, prior_points
 
@@ -78,6 +79,28 @@ def test_predictions_scatter_as_the_noise_says(problem, draws, record):
     np.testing.assert_allclose(scatter.std(), noise, rtol=0.15)
     np.testing.assert_array_equal(record["observed_data"]["dma"], problem.measurements[0].measured)
     np.testing.assert_array_equal(record["observed_data"]["dma_coordinate"], problem.measurements[0].series.coordinate)
+
+
+def test_draws_of_the_prior_without_a_prediction_are_left_out_and_counted(problem, draws, record, tmp_path):
+    """A model that covers half of the prior: the other half is counted, in the record, its file and a sentence."""
+    (measurement,) = problem.measurements
+    limit = float(np.median(record["prior"]["fractional_order_population"]))
+
+    def covered(model):
+        return jnp.where(model.solids[0].fractional_order < limit, measurement.predict(model), jnp.nan)
+
+    half = dataclasses.replace(problem, measurements=(dataclasses.replace(measurement, predict=covered),))
+    found = posterior_record(half, draws, predictive=60, prior=200, pointwise=False)
+    save_posterior(found, tmp_path / "posterior.nc")
+    for each in (found, load_posterior(tmp_path / "posterior.nc")):
+        predicted = each["prior_predictive"]
+        kept = each["prior"]["fractional_order"].isel(chain=0, temperature=0).to_numpy()[:60] < limit
+        assert 10 < np.sum(kept) < 50
+        np.testing.assert_array_equal(predicted["draw"], np.flatnonzero(kept))
+        assert np.all(np.isfinite(predicted["dma"])) and predicted["dma"].sizes["draw"] == np.sum(kept)
+        assert predicted.attrs["draws_asked"] == 60 and predicted.attrs["draws_left_out"] == 60 - np.sum(kept)
+    assert f"Of 60 draws of the prior, {60 - np.sum(kept)} lie where the model predicts nothing" in left_out(found)
+    assert left_out(record) == ""
 
 
 def test_files_give_back_what_went_in(record, tmp_path):

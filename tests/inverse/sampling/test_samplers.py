@@ -1,5 +1,6 @@
 """Samplers against posteriors with known moments; runs that are killed, resumed, or not what they claim."""
 
+import dataclasses
 import os
 import signal
 import subprocess
@@ -13,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from emcee.backends import HDFBackend
+from scipy import stats
 
 from arfjax import InputError
 from inverse.inference.parameter_set import parameter
@@ -20,6 +22,7 @@ from inverse.inference.problem import Problem
 from inverse.priors import Normal, Uniform
 from inverse.sampling import (
     StopRule,
+    default_walkers,
     diagnose_draws,
     laplace,
     sample_ensemble,
@@ -28,7 +31,7 @@ from inverse.sampling import (
     walkers_from_prior,
 )
 from inverse.sampling.inference_data import standard_error
-from inverse.sampling.target import batched_log_density, coordinate_names, fingerprint
+from inverse.sampling.target import batched_log_density, batched_values, coordinate_names, fingerprint
 from tests.inverse.sampling.conjugate import Line, conjugate_problem, exact_posterior
 
 QUICK = {"warmup": 300, "draws": 400, "chunk": 100}
@@ -206,8 +209,47 @@ def test_a_density_that_is_nowhere_a_number_is_refused(problem, found):
         walkers_from_prior(nowhere, count=16)
 
 
-def test_holes_in_the_density_are_walked_around(problem):
-    """A prior that ends leaves no density beyond; walkers and chains stay on this side."""
+@pytest.fixture(scope="module")
+def holed(problem, found):
+    """The same posterior with a ring about its mode in which the model predicts nothing."""
+    (measurement,) = problem.measurements
+    mode, sd = np.asarray(found.mode), float(found.sd[0])
+
+    def predict(model):
+        away = jnp.abs(model.coefficients[0] - mode[0]) / sd
+        return jnp.where((away > 0.8) & (away < 1.2), jnp.nan, measurement.predict(model))
+
+    return dataclasses.replace(problem, measurements=(dataclasses.replace(measurement, predict=predict),)), mode, sd
+
+
+def in_hole(draws, mode, sd):
+    away = np.abs(draws.flat[:, 0] - mode[0]) / sd
+    return np.mean((away > 0.8) & (away < 1.2)), np.mean(away >= 1.2)
+
+
+def test_holes_in_the_density_are_walked_around(holed, found):
+    """The ensemble jumps over the ring, never into it, and finds what the posterior has beyond it."""
+    problem, mode, sd = holed
+    start = walkers_from_laplace(problem, found, count=32)
+    draws = sample_ensemble(problem, start, seed=0, most_steps=1500, check_every=500)
+    assert np.all(np.isfinite(draws.log_density))
+    inside, beyond = in_hole(draws, mode, sd)
+    # Of a normal density 23 percent lie beyond 1.2 standard deviations and 19 in the ring, of which nothing is left.
+    left = stats.norm.cdf([0.8, 1.2])
+    expected = (1.0 - left[1]) / (1.0 - left[1] + left[0] - 0.5)
+    assert inside == 0.0 and beyond == pytest.approx(expected, abs=0.05)
+
+
+@pytest.mark.slow
+def test_chains_stay_out_of_holes(holed, found):
+    """A trajectory that enters the ring is refused."""
+    problem, mode, sd = holed
+    draws = sample_nuts(problem, found, seed=1, chains=2, warmup=300, draws=300)
+    assert np.all(np.isfinite(draws.log_density)) and in_hole(draws, mode, sd)[0] == 0.0
+
+
+def test_a_prior_that_ends_is_not_left(problem):
+    """No density beyond, and none is found there."""
     entries = (parameter("coefficient_0", "model.coefficients[0]", "m", Uniform(-1.0, 1.0)),)
     bounded = problem.with_parameters(type(problem.parameters)(entries))
     approximated = laplace(bounded)
@@ -215,6 +257,7 @@ def test_holes_in_the_density_are_walked_around(problem):
         bounded, walkers_from_laplace(bounded, approximated, count=8), seed=0, most_steps=100, check_every=50
     )
     assert np.all(np.isfinite(draws.log_density))
+    assert np.all(np.abs(batched_values(bounded, draws.flat)) <= 1.0)
     assert coordinate_names(bounded.parameters) == ("coefficient_0",)
 
 
@@ -224,6 +267,12 @@ def test_batches_in_chunks_are_the_same(problem, found):
     np.testing.assert_allclose(batched_log_density(problem, chunk=4)(points), whole, rtol=1e-12)
     np.testing.assert_allclose(whole, [problem.log_density(jnp.asarray(u)) for u in points], rtol=1e-12)
     assert fingerprint(problem)["parameters"] == "coefficient_0 [m], coefficient_1 [m], coefficient_2 [m]"
+
+
+def test_fewer_walkers_where_each_of_them_takes_long(problem):
+    (measurement,) = problem.measurements
+    long = dataclasses.replace(problem, measurements=(dataclasses.replace(measurement, is_long=True),))
+    assert default_walkers(problem) == 128 and default_walkers(long) == 16
 
 
 def test_stop_rule_in_numbers():
