@@ -48,6 +48,10 @@ class Account(Protocol):
         """Whether the data give standard deviations."""
         ...
 
+    def facts(self) -> list[str]:
+        """What one looks at first, as measured and as the model has it: lines of Markdown."""
+        ...
+
     def describe(self, place: Absorbed) -> str:
         """Where a correction of no name is largest, its sign and its size."""
         ...

@@ -40,6 +40,10 @@ class DmaAccount:
         """Whether the data give standard deviations."""
         return self.problem.stated_deviations
 
+    def facts(self) -> list[str]:
+        """Nothing: a sweep has no features that everybody looks at."""
+        return []
+
     def describe(self, place: Absorbed) -> str:
         """Where the correction is largest, its sign and its size."""
         return _describe(self.problem, place)

@@ -46,6 +46,19 @@ class HmiAccount:
         """Whether the data give standard deviations."""
         return self.problem.rows.deviation is not None
 
+    def facts(self) -> list[str]:
+        """Dip, peak and end of every curve as measured and as simulated at the same readings: lines of Markdown."""
+        rows, simulated = self.problem.rows, self.problem.rows.log_displacement
+        simulated = simulated - self.null.residuals / self.problem.weights
+        lines = ["| sonication | | dip | peak | end |", "| --- | --- | ---: | ---: | ---: |"]
+        for number, label in enumerate(rows.labels):
+            mine = np.flatnonzero(rows.sonication == number)
+            mine = mine[np.argsort(rows.temperature[mine], kind="stable")]
+            for kind, values in (("measured", rows.log_displacement), ("simulated", simulated)):
+                percent = 100.0 * np.exp(values[mine] - values[mine[0]])
+                lines.append(f"| {label} | {kind} | {' | '.join(_features(percent, rows.temperature[mine]))} |")
+        return ["In percent of the coldest reading, and where:", "", *lines, ""]
+
     def describe(self, place: Absorbed) -> str:
         """Where the correction is largest, its sign and its size, and from where on it is there."""
         rows = self.problem.rows
@@ -75,3 +88,10 @@ class HmiAccount:
         return lines + [
             f"| {name} | {b:.4g} | {a:.4g} |" for name, b, a in zip(parameters.names, before, after, strict=True)
         ]
+
+
+def _features(percent: np.ndarray, temperature: np.ndarray) -> list[str]:
+    """The highest reading, the lowest before it, and the last: value and temperature."""
+    highest = int(np.argmax(percent))
+    lowest = int(np.argmin(percent[: highest + 1])) if highest else int(np.argmin(percent[:-1]))
+    return [f"{percent[i]:.0f} at {temperature[i]:.0f} degC" for i in (lowest, highest, len(percent) - 1)]

@@ -122,7 +122,14 @@ def hmi_problem_of(
         program = HmiProgram(curve, courses, prepared.parameters, State(prepared.model, {}), causes)
     else:
         program = program.on(courses)
-    return HmiDiagnosisProblem(rows, program, np.zeros(len(rows)), _notes(data, rows))
+    notes = _notes(data, rows)
+    if settings.across_sonications:
+        differing = ", ".join(settings.across_sonications)
+        notes = (
+            *notes,
+            f"Constants are common to all sonications here, {differing} too: see `arfjax infer` for those.",
+        )
+    return HmiDiagnosisProblem(rows, program, np.zeros(len(rows)), notes)
 
 
 def correction_at(

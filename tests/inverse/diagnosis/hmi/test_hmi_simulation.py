@@ -37,6 +37,19 @@ def test_library_holds_the_names_that_users_write():
         assert cause.plausible > 0.0 and cause.sign in (0, 1) and ":" in cause.place
 
 
+def test_without_causes_it_is_the_fast_model(problem, prepared):
+    program = problem.program
+    unknowns = program.null()
+    unknowns[program.constants] += 0.05
+    model = jax.tree.map(np.asarray, program.model(unknowns))
+    percent = np.asarray(prepared.fast.predict(model, n_rows=len(TEMPERATURES), in_percent=True))
+    logarithm = program.predict(unknowns)[: len(TEMPERATURES)]
+    difference = np.log(percent) - logarithm
+    for rows in problem.factors[: len(TEMPERATURES)].T > 0.0:
+        np.testing.assert_allclose(difference[rows] - difference[rows][0], 0.0, atol=1e-10)
+    assert program.excess(unknowns) <= 1.0
+
+
 def at_strength(problem, cause, strength, shape=None):
     """Prediction with a strength in plausible ones, centred in each sonication."""
     program = problem.program
