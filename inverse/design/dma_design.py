@@ -1,0 +1,220 @@
+"""The next dynamic mechanical analysis: which would tell the causes apart that are still alive."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Complex, Float
+
+from arfjax import FractionalZener, InputError, complex_modulus
+from inverse.datasets.dma import DmaData
+from inverse.design.proposals import Proposal, dma_proposals
+from inverse.design.separation import Separation, separation
+from inverse.diagnosis.cause import DmaCause, Extension, predicted_modulus
+from inverse.diagnosis.causes import DMA_CAUSES
+from inverse.diagnosis.diagnosis import Diagnosis
+from inverse.diagnosis.dma_diagnosis import diagnose_dma
+from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
+from inverse.dma_fit import FRACTIONAL, ZenerModel
+
+
+@dataclasses.dataclass(frozen=True)
+class Rated:
+    """A proposal and what it would tell.
+
+    Attributes:
+        proposal: What to do.
+        separation: Of the causes, by the data that there are and those of the proposal together.
+    """
+
+    proposal: Proposal
+    separation: Separation
+
+
+@dataclasses.dataclass(frozen=True)
+class Check:
+    """The best proposal simulated with each cause in turn, and diagnosed again.
+
+    Attributes:
+        hidden: Cause that was put in.
+        verdict: Of the diagnosis.
+        named: Causes that it named.
+    """
+
+    hidden: str
+    verdict: str
+    named: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """What to measure next.
+
+    Attributes:
+        causes: That are to be told apart, with the strengths that the data give them.
+        now: What the data tell that there are.
+        rated: Proposals, the best first.
+        checks: Of the best one, by simulation; empty if not asked for.
+        size: Standard deviation of the noise that was assumed, relative.
+        seed: Of random orders and simulations.
+    """
+
+    causes: dict[str, float]
+    now: Separation
+    rated: tuple[Rated, ...]
+    checks: tuple[Check, ...]
+    size: float
+    seed: int
+
+
+def design_dma(
+    data: DmaData,
+    *,
+    found: Diagnosis | None = None,
+    causes: Sequence[str] = (),
+    model: ZenerModel = FRACTIONAL,
+    library: Sequence[DmaCause] = DMA_CAUSES,
+    check: bool = True,
+    seed: int = 0,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> Design:
+    """Rate what could be measured next by how well it would tell causes apart.
+
+    Args:
+        data: What was measured.
+        found: Its diagnosis; made if not given.
+        causes: To be told apart; those that the diagnosis leaves possible, or the two likeliest, without.
+        model: The null model.
+        library: Causes.
+        check: Whether to simulate the best proposal with each cause and to diagnose it again.
+        seed: Of random orders and simulations.
+        on_step: Told what is being done.
+
+    Raises:
+        InputError: if there are no two causes to tell apart.
+    """
+    if found is None:
+        on_step("diagnosing")
+        found = diagnose_dma(data, model=model, causes=library, seed=seed, gain=False, on_step=on_step)
+    extensions, strengths = _alive(found, causes)
+    assert found.noise is not None
+    size = found.noise.size
+    problem: DmaProblem = found.problem
+    now = _separation(problem, extensions, strengths, size)
+    rated = []
+    for proposal in dma_proposals(data, seed=seed):
+        on_step(f"rating: {proposal.words}")
+        together = _with(data, problem, proposal)
+        rated.append(Rated(proposal, _separation(dma_problem(together, model)[0], extensions, strengths, size)))
+    rated.sort(key=lambda one: -one.separation.worst)
+    checks = []
+    if check:
+        together = _with(data, problem, rated[0].proposal)
+        for number, (extension, strength) in enumerate(zip(extensions, strengths, strict=True)):
+            on_step(f"simulating {rated[0].proposal.name} with {extension.cause.name}")
+            simulated = _simulated(together, model, extension, strength, size, seed + 1 + number)
+            again = diagnose_dma(simulated, model=model, causes=library, seed=seed, gain=False)
+            checks.append(Check(extension.cause.name, again.verdict, again.named))
+    names = {e.cause.name: float(s) for e, s in zip(extensions, strengths, strict=True)}
+    return Design(names, now, tuple(rated), tuple(checks), size, seed)
+
+
+def _alive(found: Diagnosis, wanted: Sequence[str]) -> tuple[list[Extension[DmaCause]], np.ndarray]:
+    """Causes to tell apart, in the shapes and strengths that the data give them."""
+    known = {one.cause.name: one for one in found.causes}
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"causes: these data cannot see '{name}'; they see {', '.join(known)}.")
+    names = list(wanted) or [
+        one.cause.name for one in found.causes if one.status in ("named", "confusable", "possible")
+    ]
+    if len(names) < 2:
+        names = list(dict.fromkeys([*names, *known]))[:2]
+    if len(names) < 2:
+        raise InputError("a design tells causes apart: these data see fewer than two.")
+    reports = [known[name] for name in names]
+    extensions = [Extension(one.cause, 0.0 if one.shape is None else one.shape) for one in reports]
+    # What would be found is no smaller than what can be.
+    strengths = np.array([max(abs(one.estimate), one.detectability) * _sign(one) for one in reports])
+    return extensions, strengths
+
+
+def _sign(report) -> float:
+    return 1.0 if report.cause.sign > 0 or report.estimate >= 0.0 else -1.0
+
+
+def _separation(problem: DmaProblem, extensions, strengths, size: float) -> Separation:
+    alternatives = problem.directions(extensions)
+    directions = np.concatenate([one.directions for one in alternatives], axis=1)
+    names = [extension.cause.name for extension in extensions]
+    return separation(names, directions, strengths, problem.fitted_directions(), size)
+
+
+def _with(data: DmaData, problem: DmaProblem, proposal: Proposal) -> DmaData:
+    """Data and proposal together, the proposal's readings as the fitted model has them."""
+    modulus = np.array(
+        [
+            complex(complex_modulus(FractionalZener(*_constants_at(problem, proposal.sample, t)), 2.0 * np.pi * f))
+            for f, t in zip(proposal.frequency, proposal.temperature, strict=True)
+        ]
+    )
+    time = np.arange(len(data), dtype=float) if data.time_s is None else np.asarray(data.time_s, dtype=float)
+    return _data(
+        data,
+        np.append(data.frequency_hz, proposal.frequency),
+        np.append(data.temperature_c, proposal.temperature),
+        np.append(time, proposal.time),
+        (*data.sample, *([proposal.sample] * len(proposal) if data.sample else [])),
+        np.append(_modulus(data), modulus),
+    )
+
+
+def _modulus(data: DmaData) -> Complex[np.ndarray, " n"]:
+    if not data.has_phase:
+        return np.asarray(data.modulus_magnitude) + 0j
+    return np.asarray(data.storage_modulus) + 1j * np.asarray(data.loss_modulus)
+
+
+def _data(data: DmaData, frequency, temperature, time, sample, modulus) -> DmaData:
+    return DmaData(
+        frequency_hz=frequency,
+        temperature_c=temperature,
+        modulus_magnitude=np.abs(modulus),
+        storage_modulus=modulus.real if data.has_phase else None,
+        loss_modulus=modulus.imag if data.has_phase else None,
+        time_s=time,
+        sample=sample,
+    )
+
+
+def _constants_at(problem: DmaProblem, sample: str, temperature: float) -> Float[np.ndarray, " 4"]:
+    """Constants of a sample at a temperature: logarithms, and the order, linear between those that were fitted."""
+    mine = [index for index, sweep in enumerate(problem.sweeps) if sweep.sample == sample]
+    order = sorted(mine, key=lambda index: problem.sweeps[index].temperature_c)
+    known = np.array([problem.sweeps[index].temperature_c for index in order])
+    constants = problem.constants[order]
+    moduli = [np.interp(temperature, known, np.log(np.maximum(constants[:, k], 1e-12))) for k in range(3)]
+    return np.append(np.exp(moduli), np.interp(temperature, known, constants[:, 3]))
+
+
+def _simulated(
+    together: DmaData, model: ZenerModel, extension: Extension[DmaCause], strength: float, size: float, seed: int
+) -> DmaData:
+    """The whole measurement with a cause in it and noise, in the order of its rows."""
+    problem, _ = dma_problem(together, model, seed=seed)
+    modulus = np.asarray(
+        predicted_modulus(jnp.asarray(problem.constants), problem.conditions, (extension,), jnp.asarray([strength]))
+    )
+    rng = np.random.default_rng(seed)
+    noise = size * (rng.standard_normal(len(modulus)) + 1j * rng.standard_normal(len(modulus)))
+    read = modulus * np.exp(noise if together.has_phase else noise.real)
+    sweeps = [sweep.data for sweep in problem.sweeps]
+    return _data(
+        together,
+        np.concatenate([one.frequency_hz for one in sweeps]),
+        np.concatenate([one.temperature_c for one in sweeps]),
+        np.concatenate([np.asarray(one.time_s) for one in sweeps]),
+        tuple(label for one in sweeps for label in one.sample),
+        read,
+    )

@@ -1,0 +1,65 @@
+r"""How well a measurement tells causes apart, in the linearised model.
+
+With the fitted constants projected out, cause i of strength $s_i$ moves the data by $d_i = |s_i| \| c_i \| / \sigma$
+standard deviations, and $\rho$ is the cosine between two causes' directions. The right one of two has the larger
+statistic with probability $\Phi(d_i \sqrt{(1 - |\rho|) / 2})$.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+
+from inverse.diagnosis.screening import independent
+
+
+@dataclasses.dataclass(frozen=True)
+class Separation:
+    """Of some causes by one design.
+
+    Attributes:
+        names: Of the causes.
+        d_prime: Strength of each in standard deviations, fitted constants projected out.
+        cosine: Between their projected directions.
+    """
+
+    names: tuple[str, ...]
+    d_prime: Float[np.ndarray, " cause"]
+    cosine: Float[np.ndarray, "cause cause"]
+
+    @property
+    def right(self) -> Float[np.ndarray, "cause cause"]:
+        """Probability that the cause of the row, if it is the true one, looks likelier than that of the column."""
+        apart = np.sqrt(np.maximum(1.0 - np.abs(self.cosine), 0.0) / 2.0)
+        return stats.norm.cdf(self.d_prime[:, None] * apart)
+
+    @property
+    def worst(self) -> float:
+        """The least of these over all pairs; NaN for one cause alone."""
+        off = ~np.eye(len(self.names), dtype=bool)
+        return float(np.min(self.right[off])) if np.any(off) else float("nan")
+
+
+def separation(
+    names: Sequence[str],
+    directions: Float[np.ndarray, "n cause"],
+    strengths: Float[np.ndarray, " cause"],
+    fitted: Float[np.ndarray, "n p"],
+    size: float,
+) -> Separation:
+    """Tell how well a design separates causes.
+
+    Args:
+        names: Of the causes.
+        directions: Derivative of the weighted prediction in each strength.
+        strengths: That each would have.
+        fitted: Derivative in what is fitted.
+        size: Standard deviation of the noise, in units of the weights.
+    """
+    basis = independent(fitted)
+    left = directions - basis @ (basis.T @ directions)
+    lengths = np.linalg.norm(left, axis=0)
+    units = left / np.maximum(lengths, 1e-300)
+    return Separation(tuple(names), np.abs(strengths) * lengths / size, units.T @ units)

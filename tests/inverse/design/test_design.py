@@ -1,0 +1,101 @@
+"""The next measurement: its geometry, and that it does what is promised of it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from inverse.commands.main import run
+from inverse.datasets.dma import read_dma
+from inverse.design import design_dma
+from inverse.design.proposals import dma_proposals
+from inverse.design.separation import separation
+from inverse.diagnosis import diagnose_dma
+from tests.blind import dma_generator as blind
+
+LIKE = ("sweep-drift", "bath-viscosity")
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("hidden")
+    blind.write(folder / "data.csv", folder / "key.json", seed=blind.TEST_SEEDS + 7001, name="sweep-drift", d_prime=6.0)
+    return folder / "data.csv"
+
+
+@pytest.fixture(scope="module")
+def found(file):
+    return diagnose_dma(read_dma(file), gain=False, seed=1)
+
+
+def test_probability_of_the_right_one_is_that_of_simulated_statistics():
+    rng = np.random.default_rng(3)
+    fitted = rng.standard_normal((40, 4))
+    directions = rng.standard_normal((40, 2))
+    directions[:, 1] += 1.5 * directions[:, 0]
+    strengths, size = np.array([0.35, 0.2]), 0.5
+    told = separation(("a", "b"), directions, strengths, fitted, size)
+    basis = np.linalg.qr(fitted)[0]
+    left = directions - basis @ (basis.T @ directions)
+    units = left / np.linalg.norm(left, axis=0)
+    count = 40_000
+    for true, other in ((0, 1), (1, 0)):
+        data = strengths[true] * left[:, [true]] + size * rng.standard_normal((40, count))
+        data -= basis @ (basis.T @ data)
+        share = np.mean(units[:, true] @ data > units[:, other] @ data)
+        # Four standard errors of a share of so many.
+        assert abs(share - told.right[true, other]) < 4.0 * np.sqrt(0.25 / count)
+    np.testing.assert_allclose(told.cosine[0, 1], units[:, 0] @ units[:, 1], rtol=1e-12)
+    assert told.worst == min(told.right[0, 1], told.right[1, 0])
+
+
+def test_proposals_come_after_what_was_measured_and_are_what_they_say(file):
+    data = read_dma(file)
+    proposals = {one.name: one for one in dma_proposals(data, seed=2)}
+    end, grid = float(np.max(np.asarray(data.time_s))), np.unique(data.frequency_hz)
+    for one in proposals.values():
+        assert np.all(one.time > end) and np.all(np.diff(one.time) > 0.0)
+    first = proposals["again"].temperature
+    np.testing.assert_array_equal(np.unique(first), np.unique(proposals["reversed-temperatures"].temperature))
+    assert first[0] < first[-1] and proposals["reversed-temperatures"].temperature[0] == first[-1]
+    assert proposals["lower-frequencies"].frequency.max() < grid.min()
+    assert proposals["higher-frequencies"].frequency.min() > grid.max()
+    shuffled = proposals["random-order"].frequency[: len(grid)]
+    assert np.any(np.diff(shuffled) < 0.0) and np.allclose(np.sort(shuffled), grid)
+    assert not set(proposals["between"].temperature) & set(first)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_more_data_never_separate_worse_and_random_order_shows_drift(file, found):
+    """A drift over a sweep looks like frequency where frequencies come in order."""
+    design = design_dma(read_dma(file), found=found, causes=LIKE, check=False, seed=4)
+    rated = {one.proposal.name: one.separation for one in design.rated}
+    for one in rated.values():
+        assert np.all(one.d_prime > 0.98 * design.now.d_prime)
+    drift = design.now.names.index("sweep-drift")
+    # Twice as many readings alone would give the square root of two.
+    assert rated["random-order"].d_prime[drift] > 1.5 * rated["again"].d_prime[drift]
+    assert [one.separation.worst for one in design.rated] == sorted((r.worst for r in rated.values()), reverse=True)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_command_writes_what_it_found_and_the_promise_is_kept(file, tmp_path):
+    out = tmp_path / "out"
+    arguments = ["design", "--dma", str(file), "--causes", ",".join(LIKE), "--out", str(out), "--seed", "5"]
+    assert run(arguments) == 0
+    content = json.loads((out / "design.json").read_text())
+    best = content["proposals"][0]
+    assert best["probability_right"] > content["now"]["probability_right"]
+    assert [one["hidden"] for one in content["checks"]] == list(LIKE)
+    # Promised to be told apart in nearly all cases: neither is given the other's name alone.
+    for one, other in zip(content["checks"], reversed(LIKE), strict=True):
+        assert one["verdict"] != "adequate" and one["named"] != [other]
+    assert best["words"] in (out / "report.md").read_text()
+
+
+def test_one_cause_is_nothing_to_tell_apart(file, capsys, tmp_path):
+    out = tmp_path / "out"
+    assert run(["design", "--dma", str(tmp_path / "none.csv"), "--out", str(out)]) == 2
+    assert "none.csv" in capsys.readouterr().err and not out.exists()
