@@ -48,8 +48,9 @@ def report(design: Design, name: str) -> str:
     lines = [
         f"# What to measure next after {name}",
         "",
-        f"To be told apart: {listed}. With what there is, the right one of two looks likelier with a probability of "
-        f"{100.0 * design.now.worst:.0f} % at least; with {best.proposal.words}: {100.0 * best.separation.worst:.0f} %.",
+        f"To be told apart: {listed}. With what there is, the right one of two looks likelier in "
+        f"{100.0 * design.now.worst:.0f} % of cases at least; with {best.proposal.words}, in "
+        f"{100.0 * best.separation.worst:.0f} %.",
         "",
         f"| measurement | readings | least probability of the right one | {' | '.join(design.now.names)} |",
         f"| --- | ---: | ---: |{' ---: |' * len(design.now.names)}",
