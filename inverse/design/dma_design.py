@@ -97,7 +97,7 @@ def design_dma(
     if found is None:
         on_step("diagnosing")
         found = diagnose_dma(data, model=model, causes=library, seed=seed, gain=False, on_step=on_step)
-    extensions, strengths = _alive(found, causes)
+    extensions, strengths = _alive(found, causes, library)
     assert found.noise is not None
     size = found.noise.size
     problem: DmaProblem = found.problem
@@ -120,7 +120,9 @@ def design_dma(
     return Design(names, now, tuple(rated), tuple(checks), size, seed)
 
 
-def _alive(found: Diagnosis, wanted: Sequence[str]) -> tuple[list[Extension[DmaCause]], np.ndarray]:
+def _alive(
+    found: Diagnosis, wanted: Sequence[str], library: Sequence[DmaCause]
+) -> tuple[list[Extension[DmaCause]], np.ndarray]:
     """Causes to tell apart, in the shapes and strengths that the data give them."""
     known = {one.cause.name: one for one in found.causes}
     for name in wanted:
@@ -134,7 +136,8 @@ def _alive(found: Diagnosis, wanted: Sequence[str]) -> tuple[list[Extension[DmaC
     if len(names) < 2:
         raise InputError("a design tells causes apart: these data see fewer than two.")
     reports = [known[name] for name in names]
-    extensions = [Extension(one.cause, 0.0 if one.shape is None else one.shape) for one in reports]
+    by_name = {cause.name: cause for cause in library}
+    extensions = [Extension(by_name[one.cause.name], 0.0 if one.shape is None else one.shape) for one in reports]
     # What would be found is no smaller than what can be.
     strengths = np.array([max(abs(one.estimate), one.detectability) * _sign(one) for one in reports])
     return extensions, strengths
