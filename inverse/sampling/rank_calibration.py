@@ -14,10 +14,11 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int, PRNGKeyArray
 from scipy import stats
 
 from arfjax.errors import InputError
@@ -179,14 +180,20 @@ def by_importance(*, evaluations: int = 3000, n_starts: int = 1, chunk: int = 50
 
 def _simulate(problem: Problem, seed: int) -> tuple[Float[np.ndarray, " n"], Problem, int]:
     """Constants from the prior, the same problem with data of theirs, and how many draws had no density before."""
-    key = jax.random.key(seed)
+    key, numbers = jax.random.key(seed), as_arrays(problem)
     for attempt in range(_MOST_TRIES):
         prior_key, data_key = jax.random.split(jax.random.fold_in(key, attempt))
         truth = problem.parameters.draw(prior_key)
-        replicate = as_arrays(problem.draw_data(data_key, truth))
+        replicate = _with_data(numbers, data_key, truth)
         if np.isfinite(batched_log_density(replicate)(np.asarray(truth)[None])[0]):
             return np.asarray(truth), replicate, attempt
     raise InputError(f"none of {_MOST_TRIES} draws of the prior gives a finite density: narrow the priors.")
+
+
+@eqx.filter_jit
+def _with_data(problem: Problem, key: PRNGKeyArray, truth: Float[Array, " n"]) -> Problem:
+    """Compiled once for all draws: what noise does along a series would be compiled for each."""
+    return problem.draw_data(key, truth)
 
 
 def _log_likelihood(problem: Problem, points: Float[np.ndarray, "point n"]) -> Float[np.ndarray, " point"]:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from arfjax import Discretisation, Effort, Experiment, InputError, Model, Shifted, discretise
@@ -146,7 +147,7 @@ def correction_at(
         settings: Of the full simulation; the mesh that the fast one learnt from if not given.
     """
     fine = prepared.fine if settings is None else settings
-    model = jax.tree.map(np.asarray, problem.program.model(unknowns))
+    model = jax.tree.map(jnp.asarray, problem.program.model(unknowns))
     full = np.zeros(len(problem.rows))
     for course in problem.program.courses:
         conditions = course.conditions

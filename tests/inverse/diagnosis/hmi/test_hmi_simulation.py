@@ -6,6 +6,7 @@ In one module, because the fast simulation that all need takes longest.
 import dataclasses
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -41,7 +42,7 @@ def test_without_causes_it_is_the_fast_model(problem, prepared):
     program = problem.program
     unknowns = program.null()
     unknowns[program.constants] += 0.05
-    model = jax.tree.map(np.asarray, program.model(unknowns))
+    model = jax.tree.map(jnp.asarray, program.model(unknowns))
     percent = np.asarray(prepared.fast.predict(model, n_rows=len(TEMPERATURES), in_percent=True))
     logarithm = program.predict(unknowns)[: len(TEMPERATURES)]
     difference = np.log(percent) - logarithm
@@ -159,7 +160,7 @@ def test_corrected_simulation_is_the_full_one_where_the_fit_is(problem, prepared
     unknowns = problem.program.null()
     unknowns[problem.program.constants] += 0.1
     full = predict(
-        jax.tree.map(np.asarray, problem.program.model(unknowns)), prepared.sweeps, prepared.fine,
+        jax.tree.map(jnp.asarray, problem.program.model(unknowns)), prepared.sweeps, prepared.fine,
         n_rows=len(TEMPERATURES), in_percent=True,
     )  # fmt: skip
     logarithm = np.append(np.log(np.asarray(full)), np.log([100.0, 100.0]))
