@@ -28,7 +28,8 @@ class DmaAccount:
     @property
     def sentence(self) -> str:
         """The solid and the data."""
-        return f"{self.model} Zener solid at each of {len(self.problem.sweeps)} sweeps, {self.problem.rows} rows"
+        kind = "fractional" if self.problem.model.fractional else "conventional"
+        return f"{kind} Zener solid at each of {len(self.problem.sweeps)} sweeps, {self.problem.rows} rows"
 
     @property
     def notes(self) -> tuple[str, ...]:
