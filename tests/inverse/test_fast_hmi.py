@@ -150,15 +150,17 @@ def freed(count, *, width, seed):
             model.liver.viscoelasticity.relaxation_time.value,
             model.lesion.size.threshold,
             lesion.branch_modulus.value,
-            1.0 / (1.0 - 2.0 * model.poisson_ratio),
+            model.poisson_ratio,
         )
 
+    *standing, ratio = places(MODEL)
+    # Bulk over shear modulus goes with this, which spreads as the others do.
+    standing = (*standing, 1.0 / (1.0 - 2.0 * ratio))
     rng, models = np.random.default_rng(seed), []
     for number in range(count):
         factors = np.exp(width * 0.25 * rng.normal(size=8)) if number else np.ones(8)
-        *new, bulk = (factor * value for factor, value in zip(factors, places(MODEL), strict=True))
-        leaves = (*new, 0.5 * (1.0 - 1.0 / bulk))
-        models.append(eqx.tree_at(lambda model: (*places(model)[:7], model.poisson_ratio), MODEL, leaves))
+        *new, bulk = (factor * value for factor, value in zip(factors, standing, strict=True))
+        models.append(eqx.tree_at(places, MODEL, (*new, 0.5 * (1.0 - 1.0 / bulk))))
     return models
 
 
