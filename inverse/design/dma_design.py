@@ -99,8 +99,9 @@ def design_dma(
         found = diagnose_dma(data, model=model, causes=library, seed=seed, gain=False, on_step=on_step)
     extensions, strengths = _alive(found, causes, library)
     assert found.noise is not None
-    size = found.noise.size
-    problem: DmaProblem = found.problem
+    # Relative, as deviations that a file states say nothing of readings that are still to come.
+    size = found.noise.size * float(np.median(1.0 / found.problem.weights))
+    problem, _ = dma_problem(_plain(data), model, seed=seed)
     now = _separation(problem, extensions, strengths, size)
     rated = []
     for proposal in dma_proposals(data, seed=seed):
@@ -162,7 +163,7 @@ def _with(data: DmaData, problem: DmaProblem, proposal: Proposal) -> DmaData:
             for f, t in zip(proposal.frequency, proposal.temperature, strict=True)
         ]
     )
-    time = np.arange(len(data), dtype=float) if data.time_s is None else np.asarray(data.time_s, dtype=float)
+    time = np.asarray(_plain(data).time_s)
     return _data(
         data,
         np.append(data.frequency_hz, proposal.frequency),
@@ -171,6 +172,12 @@ def _with(data: DmaData, problem: DmaProblem, proposal: Proposal) -> DmaData:
         (*data.sample, *([proposal.sample] * len(proposal) if data.sample else [])),
         np.append(_modulus(data), modulus),
     )
+
+
+def _plain(data: DmaData) -> DmaData:
+    """The data without deviations, rows counted where there is no time."""
+    time = np.arange(len(data), dtype=float) if data.time_s is None else np.asarray(data.time_s, dtype=float)
+    return _data(data, data.frequency_hz, data.temperature_c, time, data.sample, _modulus(data))
 
 
 def _modulus(data: DmaData) -> Complex[np.ndarray, " n"]:

@@ -58,7 +58,8 @@ def report(design: Design, name: str) -> str:
         *(_row(one.proposal.words, str(len(one.proposal)), one.separation) for one in design.rated),
         "",
         f"Under each cause: its d', with noise of {100.0 * design.size:.2g} % as in these data. Strengths are those "
-        "estimated, but none below what the data that there are would show.",
+        "estimated, but none below what the data that there are would show. One that counts over a whole "
+        "measurement, as that of drying does, counts over the longer one.",
         "",
     ]
     if design.checks:

@@ -121,18 +121,12 @@ def _fitted(prepared: PreparedHmi, problem: HmiDiagnosisProblem, seed: int, on_s
     on_step("fitting from another start")
     start = problem.program.null()
     spread = 0.5 * np.random.default_rng(seed).standard_normal(len(problem.program.start))
-    start[problem.program.constants] += spread / _steepness(problem.program)
+    start[problem.program.constants] += spread * problem.program.spreads
     other = fit_hmi(problem, (), white, size=size, start=start)
     audit = _audit(problem, null, other)
     if other.converged and other.misfit < null.misfit:
         null = other
     return problem, null, size, audit
-
-
-def _steepness(program: HmiProgram) -> np.ndarray:
-    """Penalty of each unconstrained number, in standard deviations a unit."""
-    slopes = program.penalty_slopes(program.null())[:, program.constants]
-    return np.maximum(np.linalg.norm(slopes, axis=0), 1e-3)
 
 
 def _audit(problem: HmiDiagnosisProblem, null: HmiFit, other: HmiFit) -> tuple[str, ...]:
@@ -143,11 +137,11 @@ def _audit(problem: HmiDiagnosisProblem, null: HmiFit, other: HmiFit) -> tuple[s
     names = problem.program.parameters.names
     remarks += [
         f"{name} comes out {distance:.1f} standard deviations from what was believed of it."
-        for name, distance in zip(names, far, strict=False)
+        for name, distance in zip(names, far, strict=True)
         if distance > 2.5
     ]
     lengths = np.linalg.norm(null.directions[:, : len(names)], axis=0)
-    unseen = [name for name, one in zip(names, lengths, strict=False) if one < 1e-3 * np.max(lengths)]
+    unseen = [name for name, one in zip(names, lengths, strict=True) if one < 1e-3 * np.max(lengths)]
     if unseen:
         remarks.append(f"These data hardly see {', '.join(unseen)}: what was believed of them stands.")
     return tuple(remarks)

@@ -89,10 +89,12 @@ def free_constants(described: Experiment, settings: InferenceSettings) -> Parame
     """What is free in the model; the noise is none of the model.
 
     Raises:
-        InputError: if a place does not exist.
+        InputError: if a place does not exist, or nothing of the model is free.
     """
     model = _with_shift(anchored(described.model(), settings))
     kept = tuple(one for one in settings.parameters if not one.place.startswith("noise."))
+    if settings.parameters and not kept:
+        raise InputError("[inference] frees no constant of the model: a diagnosis fits one at least.")
     return free_parameters(settings.model_copy(update={"parameters": kept}), model, {})
 
 
@@ -133,9 +135,7 @@ def hmi_problem_of(
     return HmiDiagnosisProblem(rows, program, np.zeros(len(rows)), notes)
 
 
-def correction_at(
-    prepared: PreparedHmi, problem: HmiDiagnosisProblem, unknowns: np.ndarray, settings: Discretisation | None = None
-) -> np.ndarray:
+def correction_at(prepared: PreparedHmi, problem: HmiDiagnosisProblem, unknowns: np.ndarray) -> np.ndarray:
     """Logarithm of the full simulation over the fast one at a fit without causes, row by row.
 
     What the fast simulation leaves out is then no misfit of the model, as far as it does not change with the constants.
@@ -144,9 +144,7 @@ def correction_at(
         prepared: The fast simulation.
         problem: Data and simulation.
         unknowns: Of the fit.
-        settings: Of the full simulation; the mesh that the fast one learnt from if not given.
     """
-    fine = prepared.fine if settings is None else settings
     model = jax.tree.map(jnp.asarray, problem.program.model(unknowns))
     full = np.zeros(len(problem.rows))
     for course in problem.program.courses:
@@ -154,7 +152,7 @@ def correction_at(
         states = np.unique(np.asarray(conditions.time if course.in_time else conditions.temperature))
         sweep = Sweep(course.protocol, float(states[0]), states, course.in_time, np.arange(len(states)),
                       np.arange(len(states)))  # fmt: skip
-        found = _full(model, sweep, fine)
+        found = _full(model, sweep, prepared.fine)
         at = np.asarray(conditions.time if course.in_time else conditions.temperature)[course.places]
         full[course.rows] = np.log(found[np.searchsorted(states, at)])
     difference = full - problem.program.predict(unknowns)

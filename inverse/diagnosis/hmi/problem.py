@@ -22,6 +22,9 @@ from inverse.inference.problem import State
 _MORE_AT_ONCE = 2
 """Derivatives taken in one call of the compiled program beside those in the constants; fewer are filled up."""
 
+_FLATTEST = 1e-3
+"""Penalty a unit below which a prior is taken for flat."""
+
 
 class HmiProgram:
     """The compiled simulation of one set of courses with all causes of a library in it.
@@ -92,11 +95,15 @@ class HmiProgram:
         """Places of the model's constants among the unknowns."""
         return 2 * len(self.causes) + np.arange(len(self.start))
 
-    def null(self, constants: Float[np.ndarray, " m"] | None = None) -> Float[np.ndarray, " unknown"]:
-        """Unknowns without any cause, at the priors' middle or at given unconstrained constants."""
-        shapes = [cause.shapes[0] for cause in self.causes]
-        start = self.start if constants is None else constants
-        return np.concatenate([np.zeros(len(self.causes)), shapes, start])
+    @property
+    def spreads(self) -> Float[np.ndarray, " constant"]:
+        """Change of each unconstrained constant that takes it one standard deviation of its prior away."""
+        slopes = self.penalty_slopes(self.null())[:, self.constants]
+        return 1.0 / np.maximum(np.linalg.norm(slopes, axis=0), _FLATTEST)
+
+    def null(self) -> Float[np.ndarray, " unknown"]:
+        """Unknowns without any cause, at the priors' middle."""
+        return np.concatenate([np.zeros(len(self.causes)), [cause.shapes[0] for cause in self.causes], self.start])
 
     def place(self, name: str) -> int:
         """Place of a cause's strength among the unknowns; its shape is as many causes later.

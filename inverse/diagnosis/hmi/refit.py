@@ -131,7 +131,7 @@ class _Fitting:
         them, spends nearly all its time there.
         """
         first = self._first(start, strengths)
-        lower, upper = self._bounds(first)
+        lower, upper = self._bounds()
         kept: dict[bytes, np.ndarray] = {}
 
         def whole(part):
@@ -146,7 +146,7 @@ class _Fitting:
             return kept[key]
 
         part, bounds = np.clip(first, lower, upper)[self.moved], (lower[self.moved], upper[self.moved])
-        cost, converged, status = 0.5 * float(np.sum(residuals(part) ** 2)), False, "too many steps"
+        cost, converged, status = 0.5 * float(np.sum(residuals(part) ** 2)), False, ""
         plain = slopes if slopes is not None else self.problem.slopes(whole(part), self.moved.tolist())
         for _ in range(_MOST_SLOPES):
             solution = optimize.least_squares(
@@ -166,6 +166,8 @@ class _Fitting:
                 converged = bool(solution.success)
                 break
             slopes, plain = None, self.problem.slopes(whole(part), self.moved.tolist())
+        else:
+            status = f"slopes taken anew for the {_MOST_SLOPES}th time still found a better fit"
         return self._result(whole(part), plain, converged, status)
 
     def _first(self, start, strengths) -> Float[np.ndarray, " unknown"]:
@@ -178,16 +180,11 @@ class _Fitting:
             first[self.shapes] = [float(e.shape) for e in self.extensions]
         return first
 
-    def _bounds(self, first):
-        lower, upper = np.full(len(first), -np.inf), np.full(len(first), np.inf)
-        middle = self.program.start
-        spread = 1.0 / np.maximum(
-            np.abs(np.diag(self.program.penalty_slopes(self.program.null())[:, self.program.constants])), 1e-3
-        )
-        lower[self.program.constants], upper[self.program.constants] = (
-            middle - _FARTHEST * spread,
-            middle + _FARTHEST * spread,
-        )
+    def _bounds(self):
+        program = self.program
+        lower, upper = np.full(program.n_unknowns, -np.inf), np.full(program.n_unknowns, np.inf)
+        lower[program.constants] = program.start - _FARTHEST * program.spreads
+        upper[program.constants] = program.start + _FARTHEST * program.spreads
         for strength, shape, extension in zip(self.strengths, self.shapes, self.extensions, strict=True):
             lower[strength] = 0.0 if extension.cause.sign > 0 else -np.inf
             lower[shape], upper[shape] = extension.cause.shapes[0], extension.cause.shapes[-1]
@@ -257,20 +254,16 @@ def _errors(jacobian: Float[np.ndarray, "n p"], size: float) -> Float[np.ndarray
     return size * np.sqrt(np.sum((directions[kept] / singular[kept, None]) ** 2, axis=0)) / lengths
 
 
-def alternatives_at(
-    problem: HmiDiagnosisProblem, unknowns: Float[np.ndarray, " unknown"], left_out: Sequence[str] = ()
-) -> list[Alternative]:
+def alternatives_at(problem: HmiDiagnosisProblem, unknowns: Float[np.ndarray, " unknown"]) -> list[Alternative]:
     """Derivative of the weighted prediction in the strength of every cause in every shape, at a fit.
 
     Args:
         problem: Data and simulation.
         unknowns: Of the fit.
-        left_out: Causes that are in the fit already.
     """
     program, found = problem.program, []
-    causes = [(i, cause) for i, cause in enumerate(program.causes) if cause.name not in left_out]
-    for number in range(max((len(cause.shapes) for _, cause in causes), default=0)):
-        at, here = unknowns.copy(), [(i, cause) for i, cause in causes if number < len(cause.shapes)]
+    for number in range(max((len(cause.shapes) for cause in program.causes), default=0)):
+        at, here = unknowns.copy(), [(i, c) for i, c in enumerate(program.causes) if number < len(c.shapes)]
         for i, cause in here:
             at[len(program.causes) + i] = cause.shapes[number]
         slopes = problem.slopes(at, [i for i, _ in here])
