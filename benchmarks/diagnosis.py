@@ -24,8 +24,8 @@ import jax
 import numpy as np
 
 import arfjax as ax
-from benchmarks.diagnosis_docs import write_docs
-from benchmarks.diagnosis_limits import limits, removed_limits
+from benchmarks.diagnosis_docs import DMA_STUDY, write_docs
+from benchmarks.diagnosis_limits import dma_design, limits, removed_limits
 from benchmarks.diagnosis_summary import summarise
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
@@ -172,7 +172,7 @@ def main() -> None:
         hidden = {"name": name, "d_prime": d_prime, "noise": "none"}
         return measured(_seed(0, 0, given.development), **hidden)[0], blind.NOISE
 
-    designs = [measured(_seed(place, 0, given.development), name="none")[0] for place in range(5)]
+    designs = [dma_design(measured(_seed(place, 0, given.development), name="none")[0]) for place in range(5)]
     summary = {
         "benchmark": "diagnosis",
         "seeds": "development" if given.development else "test",
@@ -181,7 +181,7 @@ def main() -> None:
     }
     given.out.with_suffix(".json").write_text(json.dumps(summary, indent=2) + "\n")
     if given.docs is not None:
-        write_docs(summary, given.docs)
+        write_docs(summary, given.docs, DMA_STUDY)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """The operating characteristic as a page of the documentation: one table of what is asked, tables of all, a figure."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,62 @@ from matplotlib.figure import Figure
 
 from inverse.diagnosis.decision import SET_LEVEL, UNEXPLAINED_LEVEL
 
-PAGE, PICTURE = "operating_characteristic.md", "operating_characteristic.png"
-_KINDS = {
-    "bump": "bump at one frequency",
-    "smooth": "smooth, common to all sweeps",
-    "mains": "one frequency",
-    "one-temperature": "one temperature",
-    "all": "all",
-}
+
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """What was studied, in words.
+
+    Attributes:
+        name: Of the page and of the figure, without endings.
+        title: Of the page.
+        command: That makes the page.
+        design: One data set.
+        kinds: Effects that are in no list.
+        remark: On what the rates rest on.
+    """
+
+    name: str
+    title: str
+    command: str
+    design: str
+    kinds: dict[str, str]
+    remark: str
+
+    @property
+    def page(self) -> str:
+        """File of the page."""
+        return f"{self.name}.md"
+
+    @property
+    def picture(self) -> str:
+        """File of the figure."""
+        return f"{self.name}.png"
+
+
+DMA_STUDY = Study(
+    name="operating_characteristic",
+    title="How often the diagnosis of a dynamic mechanical analysis is right",
+    command="python -m benchmarks.diagnosis --docs docs",
+    design="five temperatures, fourteen frequencies, complex modulus, 2 % noise, one hidden effect",
+    kinds={
+        "bump": "bump at one frequency",
+        "smooth": "smooth, common to all sweeps",
+        "mains": "one frequency",
+        "one-temperature": "one temperature",
+    },
+    remark="All data sets have one design. Others have other limits: see `detectability` in `diagnosis.json`.",
+)
+HMI_STUDY = Study(
+    name="operating_characteristic_hmi",
+    title="How often the diagnosis of displacement is right",
+    command="python -m benchmarks.diagnosis_hmi --docs docs",
+    design="three sonications to 63, 73 and 83 degC, read every 2 degC, 1 % noise, one hidden effect, simulated with "
+    "the full solid on a mesh and time steps of its own",
+    kinds={"bump": "bump at one temperature", "smooth": "smooth along temperature"},
+    remark="All data sets have one design, and the temperature that the thermocouple shows as the coordinate: what "
+    "changes heating or thermometer shows only through dose and times. See `detectability` in `diagnosis.json`.",
+)
+
 _COLOURS = {"unexplained": "#2a7f62", "confusable": "#e0b04a", "named": "#c0392b", "adequate": "#b8bcc2"}
 _WORDS = {
     "unexplained": "called unexplained",
@@ -32,16 +81,17 @@ _KNOWN_OR_NOT = ("noise known", "noise unknown")
 Rate = dict[str, float]
 
 
-def write_docs(summary: dict[str, Any], folder: Path) -> None:
+def write_docs(summary: dict[str, Any], folder: Path, study: Study) -> None:
     """Write page and figure.
 
     Args:
-        summary: From `benchmarks.diagnosis`.
+        summary: From `benchmarks.diagnosis` or `benchmarks.diagnosis_hmi`.
         folder: Where to.
+        study: What was studied.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    figure(summary).savefig(folder / PICTURE, dpi=150)
-    (folder / PAGE).write_text(page(summary))
+    figure(summary).savefig(folder / study.picture, dpi=150)
+    (folder / study.page).write_text(page(summary, study))
 
 
 def figure(summary: dict[str, Any]) -> Figure:
@@ -121,26 +171,25 @@ def _fates(axis: Axes, summary: dict[str, Any]) -> None:
     axis.legend(loc="upper center", bbox_to_anchor=(0.4, -0.07), ncols=4, frameon=False, fontsize=9, columnspacing=1.0)
 
 
-def page(summary: dict[str, Any]) -> str:
+def page(summary: dict[str, Any], study: Study) -> str:
     """The page."""
     return "\n".join(
         [
-            "# How often the diagnosis of a dynamic mechanical analysis is right",
+            f"# {study.title}",
             "",
-            f"Made by `python -m benchmarks.diagnosis --docs docs` from {summary['data sets']} data sets of "
-            f"`tests/blind` ({summary['seeds']} seeds): five temperatures, fourteen frequencies, complex modulus, 2 % "
-            "noise, one hidden effect. d' is the length of the effect after everything that the fitted constants can "
+            f"Made by `{study.command}` from {summary['data sets']} data sets of `tests/blind` ({summary['seeds']} "
+            f"seeds): {study.design}. d' is the length of the effect after everything that the fitted constants can "
             "imitate is taken off, in standard deviations of the noise. ± is one standard error. The limit is what the "
             "largest projection gives if noise and directions were known; the second one what the likelihood ratio "
             "gives to somebody who knows the directions, and of the noise only the family that it is from, as the "
             "diagnosis does.",
             "",
-            f"![Power, attribution and false alarms]({PICTURE})",
+            f"![Power, attribution and false alarms]({study.picture})",
             "",
             *_asked(summary),
             *_known(summary),
             *_nothing(summary),
-            *_strange(summary),
+            *_strange(summary, study),
             *_left(summary["removed limit"]),
             "What these rates rest on, and their limits:",
             "",
@@ -150,7 +199,7 @@ def page(summary: dict[str, Any]) -> str:
             "- An effect in no list that resembles a cause is named as that cause until what is left of it shows by "
             "itself. Of an effect at d' = 5 with a cosine of 0.7 to some cause, 3.6 are left: no test that spares true "
             "causes in 95 of 100 cases sees that reliably among all forms that an unknown effect may take.",
-            "- All data sets have one design. Others have other limits: see `detectability` in `diagnosis.json`.",
+            f"- {study.remark}",
             "",
         ]
     )
@@ -236,7 +285,7 @@ def _nothing(summary: dict[str, Any]) -> list[str]:
     return ["## Nothing hidden", "", "| noise | false alarms | sets |", "| --- | ---: | ---: |", *rows, ""]
 
 
-def _strange(summary: dict[str, Any]) -> list[str]:
+def _strange(summary: dict[str, Any], study: Study) -> list[str]:
     lines = []
     for part, title in (("unknown", "Effects in no list"), ("removed", "True causes taken out of the list")):
         lines += [
@@ -249,7 +298,7 @@ def _strange(summary: dict[str, Any]) -> list[str]:
             for kind, one in summary[part][d].items():
                 cells = [_words(one[v]) for v in ("unexplained", "named", "confusable", "adequate")]
                 sets = one["named"]["sets"]
-                lines.append(f"| {d} | {_KINDS.get(kind, kind)} | {' | '.join(cells)} | {sets} |")
+                lines.append(f"| {d} | {study.kinds.get(kind, kind)} | {' | '.join(cells)} | {sets} |")
         lines.append("")
     return lines
 

@@ -1,6 +1,6 @@
 """How often the diagnosis of displacement is right, on curves with hidden effects that a full simulation made.
 
-python -m benchmarks.diagnosis_hmi --sets 1                  # goes on where it was stopped
+python -m benchmarks.diagnosis_hmi --sets 1 --docs docs      # goes on where it was stopped
 
 The data come from `tests/blind/hmi_generator`, which simulates on another mesh and shares no code with `inverse`, on
 seeds that chose no threshold (`--development` takes the others). Every data set is one line of `--out`; what is there
@@ -23,16 +23,24 @@ import jax
 import numpy as np
 
 import arfjax as ax
+from benchmarks.diagnosis_docs import HMI_STUDY, write_docs
+from benchmarks.diagnosis_limits import Design, limits, visible
 from benchmarks.diagnosis_summary import summarise
-from inverse.datasets.hmi import read_hmi
+from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.datasets.shipped import shipped
-from inverse.diagnosis import HMI_CAUSES, diagnose_hmi
+from inverse.diagnosis import HMI_CAUSES, Diagnosis, diagnose_hmi
+from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.prepare import PreparedHmi, hmi_problem_of, prepare_hmi
-from inverse.diagnosis.hmi.problem import HmiProgram
+from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem, HmiProgram
+from inverse.diagnosis.hmi.refit import alternatives_at
+from inverse.diagnosis.noise import noise_family
 from inverse.inference.experiment import inference_settings
 from tests.blind import hmi_generator as blind
 
 NOISES = ("white", "tails", "correlated-0.3", "correlated-0.6", "loud")
+STRENGTHS = (4.5, 6.0)
+TRUE_SHAPES = {"cavitation": 68.0, "pre-ablation-softening": 49.0, "thermocouple-viscous-heating": 3.0}
+"""What the generator has where a cause has a second parameter."""
 _SEEDS_A_CONDITION = 1000
 
 
@@ -48,7 +56,7 @@ class Condition:
 
 def conditions() -> list[Condition]:
     """All of them; the place in this list fixes the seeds."""
-    known = [Condition("known", name, d) for d in (4.5, 6.0) for name in blind.EFFECTS]
+    known = [Condition("known", name, d) for d in STRENGTHS for name in blind.EFFECTS]
     null = [Condition("null", "none", 0.0, noise) for noise in NOISES]
     unknown = [Condition("unknown", name, 9.0) for name in blind.UNKNOWN]
     removed = [Condition("removed", name, 9.0) for name in blind.EFFECTS]
@@ -77,21 +85,50 @@ def prepare(folder: Path) -> Bench:
     return Bench(described, prepared, program, fine, coarse)
 
 
-def one_set(bench: Bench, condition: Condition, seed: int) -> dict:
-    """What the diagnosis says of one data set, as a line of the record."""
+def measured(bench: Bench, condition: Condition, seed: int) -> tuple[HmiData, dict]:
+    """One data set, and its key."""
     with tempfile.TemporaryDirectory() as folder:
         data, key = Path(folder) / "data.csv", Path(folder) / "key.json"
         blind.write(
             data, key, fine=bench.fine, coarse=bench.coarse, seed=seed, name=condition.name,
             d_prime=condition.d_prime, noise=condition.noise,
         )  # fmt: skip
-        measured, hidden = read_hmi(data), json.loads(key.read_text())
+        return read_hmi(data), json.loads(key.read_text())
+
+
+def diagnosed(bench: Bench, data: HmiData, seed: int, *, removed: str = "") -> Diagnosis:
+    """The diagnosis of one data set, without the held-out gain."""
+    library = [cause for cause in HMI_CAUSES if cause.name != removed]
+    return diagnose_hmi(
+        data, bench.described, causes=library, seed=seed, gain=False, prepared=bench.prepared, program=bench.program
+    )
+
+
+def design(bench: Bench, seed: int) -> Design:
+    """A data set in which nothing is hidden, linearised about its fit."""
+    account = diagnosed(bench, measured(bench, Condition("null", "none", 0.0), seed)[0], seed).account
+    assert isinstance(account, HmiAccount)
+    problem, null = account.problem, account.null
+    return Design(
+        null.directions,
+        visible(alternatives_at(problem, null.unknowns), null.directions),
+        {name: _truth(problem, null.unknowns, name) for name in blind.EFFECTS},
+        noise_family(problem.orderings(), problem.coordinate()),
+    )
+
+
+def _truth(problem: HmiDiagnosisProblem, unknowns: np.ndarray, name: str) -> np.ndarray:
+    program, at = problem.program, unknowns.copy()
+    place = program.place(name)
+    at[len(program.causes) + place] = TRUE_SHAPES.get(name, program.causes[place].shapes[0])
+    return problem.slopes(at, [place])
+
+
+def one_set(bench: Bench, condition: Condition, seed: int) -> dict:
+    """What the diagnosis says of one data set, as a line of the record."""
+    data, hidden = measured(bench, condition, seed)
     begun = time.perf_counter()
-    removed = condition.name if condition.part == "removed" else ""
-    found = diagnose_hmi(
-        measured, bench.described, causes=[cause for cause in HMI_CAUSES if cause.name != removed], seed=seed,
-        gain=False, prepared=bench.prepared, program=bench.program,
-    )  # fmt: skip
+    found = diagnosed(bench, data, seed, removed=condition.name if condition.part == "removed" else "")
     line = dataclasses.asdict(condition) | {
         "seed": seed,
         "verdict": found.verdict,
@@ -129,6 +166,7 @@ def main() -> None:
     parser.add_argument("--only", default="", help="part of the study: known, null, unknown or removed")
     parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so long")
     parser.add_argument("--development", action="store_true", help="seeds on which things may be tried")
+    parser.add_argument("--docs", type=Path, help="folder for the table and the figure")
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     given.out.parent.mkdir(parents=True, exist_ok=True)
@@ -151,10 +189,12 @@ def main() -> None:
     summary = {
         "benchmark": "diagnosis_hmi",
         "seeds": "development" if given.development else "test",
-        **summarise(lines, {}),
+        **summarise(lines, limits([design(bench, first - 1)], STRENGTHS)),
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }
     given.out.with_suffix(".json").write_text(json.dumps(summary, indent=2) + "\n")
+    if given.docs is not None:
+        write_docs(summary, given.docs, HMI_STUDY)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """What theory allows: the best that any diagnosis could do on the same designs, linearised about the fit."""
 
-from collections.abc import Callable, Sequence
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,48 +27,81 @@ _STAND_INS = 4
 Limits = dict[str, dict[str, dict[str, Any]]]
 
 
-def limits(designs: Sequence[DmaProblem], strengths: Sequence[float]) -> Limits:
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """A measurement about a fit, linearised.
+
+    Attributes:
+        fitted: Derivative of the prediction in the fitted constants.
+        alternatives: Causes that the data can see, in every shape.
+        truths: Derivative in the strength of each cause that may be hidden, as the generator has it.
+        family: Noise members, white first.
+    """
+
+    fitted: Float[np.ndarray, "n p"]
+    alternatives: Sequence[Alternative]
+    truths: Mapping[str, Float[np.ndarray, "n 1"]]
+    family: Sequence[Noise]
+
+
+def dma_design(problem: DmaProblem) -> Design:
+    """Of one fitted sweep set."""
+    fitted = problem.fitted_directions()
+    shapes = {cause.name: TRUE_SHAPES.get(cause.name, cause.shapes[0]) for cause in DMA_CAUSES}
+    truths = {cause.name: problem.directions([Extension(cause, shapes[cause.name])])[0] for cause in DMA_CAUSES}
+    return Design(
+        fitted,
+        visible(problem.directions(every_shape(DMA_CAUSES)), fitted),
+        {name: truth.directions for name, truth in truths.items()},
+        noise_family(problem.orderings(), problem.frequencies()),
+    )
+
+
+def visible(alternatives: Sequence[Alternative], fitted: Float[np.ndarray, "n p"]) -> list[Alternative]:
+    """Those that the fitted constants do not imitate."""
+    return [a for a in alternatives if visibility(a.directions, fitted)[0] > LEAST_VISIBILITY]
+
+
+def limits(designs: Sequence[Design], strengths: Sequence[float]) -> Limits:
     """Detected and ranked first: by the largest projection with the noise known, by likelihood ratio with it unknown.
 
     Args:
-        designs: Data sets with their fits; the limit is the mean over them.
+        designs: The limit is the mean over them.
         strengths: d'.
 
     Returns:
         By d', then by cause.
     """
     found: Limits = {}
-    for number, problem in enumerate(designs):
-        family = noise_family(problem.orderings(), problem.frequencies())
-        for members, ending, drawn in ((family[:1], "", _DRAWN), (family, ", noise unknown", _DRAWN_UNKNOWN)):
-            for d_prime, name, part in _limits_of(problem, strengths, members, drawn, number):
+    for number, design in enumerate(designs):
+        for members, ending, drawn in (
+            (design.family[:1], "", _DRAWN),
+            (design.family, ", noise unknown", _DRAWN_UNKNOWN),
+        ):
+            for d_prime, name, part in _limits_of(design, strengths, members, drawn, number):
                 into = found.setdefault(f"{d_prime:g}", {}).setdefault(name, {})
                 for key, value in part.items():
                     into[key + ending] = into.get(key + ending, 0.0) + value / len(designs)
     return found
 
 
-def _limits_of(problem: DmaProblem, strengths: Sequence[float], family: Sequence[Noise], drawn: int, seed: int):
-    rng, fitted = np.random.default_rng(seed), problem.fitted_directions()
-    alternatives = [
-        a for a in problem.directions(every_shape(DMA_CAUSES)) if visibility(a.directions, fitted)[0] > LEAST_VISIBILITY
-    ]
-    screen = Screen(fitted, alternatives, family)
+def _limits_of(design: Design, strengths: Sequence[float], family: Sequence[Noise], drawn: int, seed: int):
+    rng, fitted = np.random.default_rng(seed), design.fitted
+    screen = Screen(fitted, design.alternatives, family)
     owners = np.array([alternative.name for alternative in screen.alternatives])
     noise = rng.standard_normal((fitted.shape[0], drawn))
     evidence = _projections(screen) if len(family) == 1 else lambda data: -screen.statistics(data).log_p
     threshold = np.quantile(evidence(noise).max(axis=0), 1.0 - _LEVEL)
     basis = np.linalg.qr(unit_columns(fitted))[0]
-    for cause in DMA_CAUSES:
-        if cause.name not in owners:
+    for name, truth in design.truths.items():
+        if name not in owners:  # the constants imitate it: it can be detected by chance only
+            yield from ((d_prime, name, {"detected": _LEVEL, "first": 0.0}) for d_prime in strengths)
             continue
-        extension = Extension(cause, TRUE_SHAPES.get(cause.name, cause.shapes[0]))
-        truth = problem.directions([extension])[0].directions
         truth = unit_columns(truth - basis @ (basis.T @ truth))
         for d_prime in strengths:
             seen = evidence(d_prime * truth + noise)
-            detected, first = seen.max(axis=0) > threshold, owners[seen.argmax(axis=0)] == cause.name
-            yield d_prime, cause.name, {"detected": float(np.mean(detected)), "first": float(np.mean(first))}
+            detected, first = seen.max(axis=0) > threshold, owners[seen.argmax(axis=0)] == name
+            yield d_prime, name, {"detected": float(np.mean(detected)), "first": float(np.mean(first))}
 
 
 def _projections(screen: Screen) -> Callable[[Float[np.ndarray, "n batch"]], Float[np.ndarray, "alternative batch"]]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks import acoustics, diagnosis, inference, mechanics, protocols
-from benchmarks.diagnosis_docs import PAGE, PICTURE, write_docs
+from benchmarks.diagnosis_docs import DMA_STUDY, write_docs
 from benchmarks.diagnosis_summary import rate, summarise
 
 
@@ -82,7 +82,7 @@ def test_benchmark_of_the_diagnosis_goes_on_where_it_stopped(tmp_path, monkeypat
         assert len(lines) == len({line["seed"] for line in lines}) == 5 * count
     found = json.loads(out.with_suffix(".json").read_text())
     assert found["null"]["white"]["sets"] == 10 and found["seeds"] == "development"
-    assert (tmp_path / "docs" / PICTURE).exists()
+    assert (tmp_path / "docs" / DMA_STUDY.picture).exists()
 
 
 def test_seeds_of_development_and_test_are_disjoint_and_no_two_sets_share_one():
@@ -108,12 +108,12 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
     left = {"stand-in": "sweep-drift", "left": 4.0, "noise known": 0.99, "noise unknown": 0.9}
     summary = {"seeds": "test", **summarise(lines, limit, {"9": {"slip": left}})}
     assert summary["all known"]["4.5"]["unexplained, if detected"]["rate"] == 0.25
-    write_docs(summary, tmp_path)
-    page = (tmp_path / PAGE).read_text()
+    write_docs(summary, tmp_path, DMA_STUDY)
+    page = (tmp_path / DMA_STUDY.page).read_text()
     assert "| d' = 4.5: detected, at least 93 | 100.0" in page and "| 97.0 | 94.0 | 4 | yes |" in page
     assert "called unexplained, at most 5 | 25.0" in page and "| 4 | no |" in page
     assert "| 9 | slip | sweep-drift | 4.0 | 99 | 90 |" in page
-    assert (tmp_path / PICTURE).stat().st_size > 10_000
+    assert (tmp_path / DMA_STUDY.picture).stat().st_size > 10_000
 
 
 def test_error_of_a_rate_is_that_of_wilson():

@@ -4,6 +4,7 @@ import dataclasses
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import HmiFit
@@ -56,7 +57,7 @@ class HmiAccount:
             mine = mine[np.argsort(rows.temperature[mine], kind="stable")]
             for kind, values in (("measured", rows.log_displacement), ("simulated", simulated)):
                 percent = 100.0 * np.exp(values[mine] - values[mine[0]])
-                lines.append(f"| {label} | {kind} | {' | '.join(_features(percent, rows.temperature[mine]))} |")
+                lines.append(f"| {label} | {kind} | {' | '.join(curve_features(percent, rows.temperature[mine]))} |")
         return ["In percent of the coldest reading, and where:", "", *lines, ""]
 
     def describe(self, place: Absorbed) -> str:
@@ -90,8 +91,22 @@ class HmiAccount:
         ]
 
 
-def _features(percent: np.ndarray, temperature: np.ndarray) -> list[str]:
-    """The highest reading, the lowest before it, and the last: value and temperature."""
-    highest = int(np.argmax(percent))
-    lowest = int(np.argmin(percent[: highest + 1])) if highest else int(np.argmin(percent[:-1]))
-    return [f"{percent[i]:.0f} at {temperature[i]:.0f} degC" for i in (lowest, highest, len(percent) - 1)]
+def curve_features(percent: Float[np.ndarray, " n"], temperature: Float[np.ndarray, " n"]) -> list[str]:
+    """The early dip, the peak after it, and the last reading: value and temperature.
+
+    Dip and peak are the two readings, in this order, between which the curve rises most; one that starts at its dip has
+    none, and one that never rises has neither.
+    """
+    rise = percent[None, :] - percent[:, None]
+    rise[np.tril_indices(len(percent))] = -np.inf
+    dip, peak = np.unravel_index(int(np.argmax(rise)), rise.shape)
+
+    def written(row: int) -> str:
+        return f"{percent[row]:.0f} at {temperature[row]:.0f} degC"
+
+    rises = rise[dip, peak] > 0.0
+    return [
+        written(int(dip)) if rises and dip > 0 else "none",
+        written(int(peak)) if rises else "none",
+        written(len(percent) - 1),
+    ]
