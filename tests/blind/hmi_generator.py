@@ -24,7 +24,11 @@ from scipy.integrate import cumulative_trapezoid
 
 import arfjax as ax
 from arfjax.laws import PolynomialThrough
+from arfjax.protocols.heated_tissue import force_on
+from arfjax.protocols.probing import ShortPush, on_axis_at
+from arfjax.protocols.sonication import sonication_field
 from arfjax.protocols.stepwise import force_at, lesion_at, lesion_share, push, simulate_heating
+from arfjax.protocols.transient import TissueState, solid_of
 
 TEST_SEEDS = 20_000
 NOISE = 0.01
@@ -161,14 +165,25 @@ UNKNOWN = {"bump": _bump, "smooth": _smooth}
 
 
 class Simulator:
-    """The full simulation of the design's sonications on one mesh; compiled once for all constants."""
+    """The full simulation of the design's sonications on one mesh; compiled once for all constants.
 
-    def __init__(self, described: ax.Experiment, refinement: float, n_heat_steps: int) -> None:
+    With an `order`, solids are fractional with it and every point of the tissue has its own temperature, which sets
+    sound along the path, moduli, and the shape of the lesion. Without, liver is uniformly as warm as its focus.
+    """
+
+    def __init__(
+        self, described: ax.Experiment, refinement: float, n_heat_steps: int, order: float | None = None
+    ) -> None:
         base = described.model()
+        self.by_point = order is not None
         law = base.liver.attenuation
         values = np.asarray(law.evaluate(np.asarray(ANCHORS)))
         through = PolynomialThrough(ANCHORS, jnp.asarray(values), unit=law.unit, source=law.source)
         base = eqx.tree_at(lambda m: m.liver.attenuation, base, through)
+        if order is not None:
+            solids = (base.liver.viscoelasticity, base.lesion.viscoelasticity)
+            fractional = tuple(_fractional(solid, order) for solid in solids)
+            base = eqx.tree_at(lambda m: (m.liver.viscoelasticity, m.lesion.viscoelasticity), base, fractional)
         # As arrays, so that other numbers need no new compilation.
         self.base = jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), base)
         self.protocol = described.stepwise()
@@ -273,10 +288,42 @@ class Simulator:
                 model.lesion.size.threshold * threshold,
             ),
         )
+        if self.by_point:
+            return self._displacement_by_point(model, temperature, heating)
         size = lesion_at(model, heating, temperature, self.settings)
         share = lesion_share(model, heating, temperature, size, self.settings, self.settings.mesh)
         force = force_at(model, temperature, self.protocol, self.settings)
         return push(model, temperature, share, force, self.protocol, self.settings).at_focus(self.settings.focus)[-1]
+
+    def _displacement_by_point(self, model, temperature, heating):
+        """As the coupled protocol has it: nothing is uniform but the start."""
+        start, settings = self.protocol.start_temperature, self.settings
+
+        def now(values):
+            after = jnp.clip(jnp.argmax(heating.focal_temperature >= temperature), 1, len(heating.time) - 1)
+            low, high = heating.focal_temperature[after - 1], heating.focal_temperature[after]
+            weight = (temperature - low) / (high - low)
+            return values[after - 1] + weight * (values[after] - values[after - 1])
+
+        here, dose = now(heating.temperature), now(heating.dose)
+        state = TissueState(temperature=here, hottest=here, focal=temperature, dose=dose)
+        sonication = ax.Sonication(phases=(), start_temperature=start)
+        force = force_on(
+            settings.mesh, settings, lambda r, z: sonication_field(model, sonication, settings, here, dose, r=r, z=z)
+        )
+        solid = solid_of(model, settings, state, settings.mesh)
+        probe = ShortPush(self.protocol.push_duration)
+        moved = probe.displacement(model, solid, start, force, settings)
+        return on_axis_at(moved, settings.mesh, settings.focus)
+
+
+def _fractional(law: ax.ZenerLaw, order: float) -> ax.FractionalZenerLaw:
+    return ax.FractionalZenerLaw(
+        relaxed_modulus=law.relaxed_modulus,
+        branch_modulus=law.branch_modulus,
+        relaxation_time=law.relaxation_time,
+        fractional_order=ax.Constant(order, unit="1", source="drawn for a test"),
+    )
 
 
 def _scaled_to(heating: ax.Heating, highest: float, start: float) -> ax.Heating:
