@@ -2,6 +2,7 @@
 
 python -m benchmarks.diagnosis --quick                       # minutes
 python -m benchmarks.diagnosis --sets 20 --docs docs         # goes on where it was stopped; table and figure into docs
+python -m benchmarks.diagnosis --sets 20 --workers 8         # by eight processes at once
 
 The data come from `tests/blind`, which shares no code with the package, on seeds that chose no threshold
 (`--development` takes the others). Every data set is one line of `--out`, so that a run can be stopped at any time;
@@ -27,6 +28,7 @@ import arfjax as ax
 from benchmarks.diagnosis_docs import DMA_STUDY, write_docs
 from benchmarks.diagnosis_limits import dma_design, limits, removed_limits
 from benchmarks.diagnosis_summary import summarise
+from benchmarks.spread import spread
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.dma_examination import examine_dma
@@ -149,6 +151,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help=f"{QUICK_SETS} rounds")
     parser.add_argument("--only", default="", help="part of the study: known, null, unknown or removed")
     parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so long")
+    parser.add_argument("--workers", type=int, default=1, help="processes")
     parser.add_argument("--development", action="store_true", help="seeds on which things may be tried")
     parser.add_argument("--docs", type=Path, help="folder for the table and the figure")
     given = parser.parse_args()
@@ -157,15 +160,11 @@ def main() -> None:
     lines = [json.loads(row) for row in given.out.read_text().splitlines()] if given.out.exists() else []
     sets = QUICK_SETS if given.quick else given.sets
     todo = missing(conditions(), sets, {(line["part"], line["seed"]) for line in lines}, given.development)
-    begun = time.perf_counter()
+    todo = [one for one in todo if given.only in ("", one[0].part)]
     with given.out.open("a") as record:
-        for condition, seed in todo:
-            if given.only not in ("", condition.part):
-                continue
-            if time.perf_counter() - begun > 60.0 * given.minutes:
-                break
-            lines.append(one_set(condition, seed))
-            record.write(json.dumps(lines[-1]) + "\n")
+        for line in spread(one_set, todo, workers=given.workers, minutes=given.minutes):
+            lines.append(line)
+            record.write(json.dumps(line) + "\n")
             record.flush()
 
     def quiet(name: str, d_prime: float) -> tuple[DmaProblem, float]:

@@ -4,7 +4,8 @@ python -m benchmarks.diagnosis_hmi --sets 1 --docs docs      # goes on where it 
 
 The data come from `tests/blind/hmi_generator`, which simulates on another mesh and shares no code with `inverse`, on
 seeds that chose no threshold (`--development` takes the others). Every data set is one line of `--out`; what is there
-is summed up beside it. Sets are taken from all conditions in turn. The fast simulation is prepared once for all.
+is summed up beside it. Sets are taken from all conditions in turn. Every process of `--workers` prepares the fast
+simulation once.
 """
 
 import os
@@ -13,6 +14,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
 import dataclasses
+import functools
 import json
 import platform
 import tempfile
@@ -26,6 +28,7 @@ import arfjax as ax
 from benchmarks.diagnosis_docs import HMI_STUDY, write_docs
 from benchmarks.diagnosis_limits import Design, limits, visible
 from benchmarks.diagnosis_summary import summarise
+from benchmarks.spread import spread
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.datasets.shipped import shipped
 from inverse.diagnosis import HMI_CAUSES, Diagnosis, diagnose_hmi
@@ -46,12 +49,13 @@ _SEEDS_A_CONDITION = 1000
 
 @dataclasses.dataclass(frozen=True)
 class Condition:
-    """What is hidden, and how; as in `benchmarks.diagnosis`."""
+    """What is hidden, and how; as in `benchmarks.diagnosis`, and the relative size of the noise."""
 
     part: str
     name: str
     d_prime: float
     noise: str = "white"
+    size: float = blind.NOISE
 
 
 def conditions() -> list[Condition]:
@@ -74,8 +78,14 @@ class Bench:
     coarse: blind.Simulator
 
 
-def prepare(folder: Path) -> Bench:
-    """Prepare once; minutes."""
+@functools.cache
+def prepared_bench() -> Bench:
+    """Prepare once a process; minutes."""
+    with tempfile.TemporaryDirectory() as folder:
+        return _prepare(Path(folder))
+
+
+def _prepare(folder: Path) -> Bench:
     described = ax.read_experiment(shipped("suomi2016_experiment"))
     fine, coarse = blind.Simulator(described, 1.5, 77), blind.Simulator(described, 0.7, 40)
     blind.write(folder / "any.csv", folder / "any.json", fine=coarse, coarse=coarse, seed=1)
@@ -91,7 +101,7 @@ def measured(bench: Bench, condition: Condition, seed: int) -> tuple[HmiData, di
         data, key = Path(folder) / "data.csv", Path(folder) / "key.json"
         blind.write(
             data, key, fine=bench.fine, coarse=bench.coarse, seed=seed, name=condition.name,
-            d_prime=condition.d_prime, noise=condition.noise,
+            d_prime=condition.d_prime, noise=condition.noise, size=condition.size,
         )  # fmt: skip
         return read_hmi(data), json.loads(key.read_text())
 
@@ -124,8 +134,9 @@ def _truth(problem: HmiDiagnosisProblem, unknowns: np.ndarray, name: str) -> np.
     return problem.slopes(at, [place])
 
 
-def one_set(bench: Bench, condition: Condition, seed: int) -> dict:
-    """What the diagnosis says of one data set, as a line of the record."""
+def one_set(condition: Condition, seed: int, bench: Bench | None = None) -> dict:
+    """What the diagnosis says of one data set, as a line of the record; by this process's bench if none is given."""
+    bench = prepared_bench() if bench is None else bench
     data, hidden = measured(bench, condition, seed)
     begun = time.perf_counter()
     found = diagnosed(bench, data, seed, removed=condition.name if condition.part == "removed" else "")
@@ -165,6 +176,7 @@ def main() -> None:
     parser.add_argument("--sets", type=int, default=1, help="rounds: sets of each condition")
     parser.add_argument("--only", default="", help="part of the study: known, null, unknown or removed")
     parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so long")
+    parser.add_argument("--workers", type=int, default=1, help="processes")
     parser.add_argument("--development", action="store_true", help="seeds on which things may be tried")
     parser.add_argument("--docs", type=Path, help="folder for the table and the figure")
     given = parser.parse_args()
@@ -173,23 +185,22 @@ def main() -> None:
     lines = [json.loads(row) for row in given.out.read_text().splitlines()] if given.out.exists() else []
     done = {(line["part"], line["seed"]) for line in lines}
     first = 200 if given.development else blind.TEST_SEEDS + 100_000
-    begun = time.perf_counter()
-    with tempfile.TemporaryDirectory() as folder:
-        bench = prepare(Path(folder))
+    todo = [
+        (condition, first + (100 if given.development else _SEEDS_A_CONDITION) * place + number)
+        for number in range(given.sets)
+        for place, condition in enumerate(conditions())
+        if given.only in ("", condition.part)
+    ]
+    todo = [one for one in todo if (one[0].part, one[1]) not in done]
     with given.out.open("a") as record:
-        for number in range(given.sets):
-            for place, condition in enumerate(conditions()):
-                seed = first + (100 if given.development else _SEEDS_A_CONDITION) * place + number
-                late = time.perf_counter() - begun > 60.0 * given.minutes
-                if late or (condition.part, seed) in done or given.only not in ("", condition.part):
-                    continue
-                lines.append(one_set(bench, condition, seed))
-                record.write(json.dumps(lines[-1]) + "\n")
-                record.flush()
+        for line in spread(one_set, todo, workers=given.workers, minutes=given.minutes):
+            lines.append(line)
+            record.write(json.dumps(line) + "\n")
+            record.flush()
     summary = {
         "benchmark": "diagnosis_hmi",
         "seeds": "development" if given.development else "test",
-        **summarise(lines, limits([design(bench, first - 1)], STRENGTHS)),
+        **summarise(lines, limits([design(prepared_bench(), first - 1)], STRENGTHS)),
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }
     given.out.with_suffix(".json").write_text(json.dumps(summary, indent=2) + "\n")

@@ -79,7 +79,7 @@ class _States:
 
 def prepare_curve(
     draws: Sequence[Model],
-    protocols: Sequence[tuple[StepwiseProtocol, Float[np.ndarray, " step"]]],
+    protocols: Sequence[tuple[StepwiseProtocol, Float[np.ndarray, " _"]]],
     settings: Discretisation,
     *,
     heat_settings: Discretisation | None = None,
@@ -143,7 +143,7 @@ def prepare_curve(
 
 def _check(
     draws: Sequence[Model],
-    protocols: Sequence[tuple[StepwiseProtocol, Float[np.ndarray, " step"]]],
+    protocols: Sequence[tuple[StepwiseProtocol, Float[np.ndarray, " _"]]],
     hottest: float,
     *,
     linear: bool,
@@ -186,7 +186,7 @@ def _ranges_of_sound(
 def _states(
     fast: FastCurve,
     draws: Sequence[Model],
-    protocols: Sequence[tuple[StepwiseProtocol, Float[np.ndarray, " step"]]],
+    protocols: Sequence[tuple[StepwiseProtocol, Float[np.ndarray, " _"]]],
     on_step: OnStep,
 ) -> _States:
     """Features of all states of all draws; draws that make no sense are left out."""

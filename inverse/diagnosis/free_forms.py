@@ -1,20 +1,25 @@
-"""Corrections of no name: smooth or local differences that tell where a model is wrong when no cause explains it."""
+r"""Corrections of no name: smooth or local differences that tell where a model is wrong when no cause explains it.
+
+Smooth ones are Gaussian processes along a coordinate $x$ from 0 to 1, with cosines for a basis: $\cos k \pi x$ with
+variance $e^{-(k \pi l)^2 / 2}$ has the covariance $e^{-(x - x')^2 / 2 l^2}$ but for its mirror images at the ends.
+
+Source: Solin & Särkkä (2020), Hilbert space methods for reduced-rank Gaussian process regression. Cited from memory.
+"""
 
 import dataclasses
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
-from inverse.diagnosis.screening import Alternative
+from inverse.diagnosis.screening import Alternative, unit_columns
 
-SMOOTH_TERMS = (3, 7)
-"""Cosines of a smooth correction along a coordinate: a coarse one has power, a fine one reach."""
-EACH_TERMS = (3, 5)
-"""Cosines of a correction that every sweep has in its own way."""
+LENGTHS = (0.3, 0.1)
+"""Correlation lengths of smooth corrections, in parts of the coordinate's range: coarse ones and fine ones."""
+COARSE, FINE = LENGTHS
 MOST_TERMS = 60
-"""Directions of one correction beyond which it has too little power for the time that it takes."""
-TIME_TERMS = 4
-"""Cosines of a correction along time or stiffness."""
+"""Directions of one correction beyond which it takes more time than it is worth."""
+_LEAST_SPREAD = 0.02
+"""Of a cosine, over that of the constant one, below which it is left out."""
 _SAME = 1e-3
 """Relative difference below which two frequencies count as the same."""
 
@@ -69,14 +74,14 @@ def dma_free_forms(
         return np.where((coordinate == 0)[:, None], both.real, both.imag)
 
     many = len(labels) > 1
-    for terms in SMOOTH_TERMS:
-        smooth = _smooth(frequency, coordinate, terms)
+    for length in LENGTHS:
+        smooth = _smooth(frequency, coordinate, length)
         if many:
-            add(f"smooth-{terms}", "in all sweeps alike, smoothly along frequency", smooth)
+            add(f"smooth-{length:g}", "in all sweeps alike, smoothly along frequency", smooth)
             slope = 2.0 * (temperature - temperature.min()) / max(np.ptp(temperature), 1e-300) - 1.0
-            add(f"trend-{terms}", "growing with temperature, smoothly along frequency", slope[:, None] * smooth)
+            add(f"trend-{length:g}", "growing with temperature, smoothly along frequency", slope[:, None] * smooth)
         for index, label in enumerate(labels):
-            add(f"sweep-{index}-{terms}", f"in the sweep {label} alone", smooth * (sweep == index)[:, None])
+            add(f"sweep-{index}-{length:g}", f"in the sweep {label} alone", smooth * (sweep == index)[:, None])
     if many:
         _add_of_many(add, relative, frequency, sweep, coordinate, len(labels), modulus, times)
     for value in _distinct(frequency):
@@ -94,36 +99,47 @@ def dma_free_forms(
 
 def _add_of_many(add, relative, frequency, sweep, coordinate, count, modulus, times) -> None:
     """Free forms that take several sweeps to tell from the material's constants."""
-    for terms in EACH_TERMS:
-        smooth = _smooth(frequency, coordinate, terms)
+    for length in LENGTHS:
+        smooth = _smooth(frequency, coordinate, length)
         if count * smooth.shape[1] > MOST_TERMS:
             continue
         each = [smooth * (sweep == index)[:, None] for index in range(count)]
-        add(f"each-{terms}", "in each sweep in its own way, smoothly along frequency", np.concatenate(each, axis=1))
+        add(f"each-{length:g}", "in each sweep in its own way, smoothly along frequency", np.concatenate(each, axis=1))
     powers = np.stack([frequency / frequency.max(), (frequency / frequency.max()) ** 2], axis=-1)
-    smooth, size = cosines(np.log(frequency), 3), np.abs(modulus)
+    smooth, size = process(np.log(frequency), COARSE), np.abs(modulus)
     softness = (size.min() / modulus)[:, None]
-    add("added-power", "as a stiffness added to the sample's that grows with frequency", relative(softness * powers))
+    add(
+        "added-power",
+        "as a stiffness added to the sample's that grows with frequency",
+        unit_columns(relative(softness * powers)),
+    )
     add("added-smooth", "as a stiffness added to the sample's, smoothly along frequency", relative(softness * smooth))
-    add("factor-power", "as a factor that grows with frequency", relative(powers + 0j))
+    add("factor-power", "as a factor that grows with frequency", unit_columns(relative(powers + 0j)))
     stiffness = (size / size.max())[:, None]
     add("force-smooth", "growing with the force, smoothly along frequency", relative(stiffness * smooth + 0j))
-    add("stiffness", "following the stiffness", relative(cosines(np.log(size), TIME_TERMS) + 0j))
-    add("time-in-visit", "following the time since the sweep began", relative(cosines(times[0], TIME_TERMS) + 0j))
-    add("time-of-drying", "following the time of the sample", relative(cosines(times[1], TIME_TERMS) + 0j))
+    add("stiffness", "following the stiffness", relative(process(np.log(size), COARSE) + 0j))
+    add("time-in-visit", "following the time since the sweep began", relative(process(times[0], COARSE) + 0j))
+    add("time-of-drying", "following the time of the sample", relative(process(times[1], FINE) + 0j))
 
 
-def cosines(position: Float[np.ndarray, " n"], terms: int) -> Float[np.ndarray, "n q"]:
-    """Cosines along a coordinate, from the constant one on."""
+def process(position: Float[np.ndarray, " n"], length: float) -> Float[np.ndarray, "n q"]:
+    """Basis of a Gaussian process along a coordinate, each column as long as its strength is spread.
+
+    Args:
+        position: Of each datum.
+        length: Correlation length, in parts of the range of positions.
+    """
     x = (position - position.min()) / max(np.ptp(position), 1e-300)
-    return np.cos(np.pi * np.arange(terms)[None, :] * x[:, None])
+    count = 1 + int(np.sqrt(-4.0 * np.log(_LEAST_SPREAD)) / (np.pi * length))
+    turns = np.pi * np.arange(count)
+    return np.cos(turns * x[:, None]) * np.exp(-0.25 * (turns * length) ** 2)
 
 
 def _smooth(
-    frequency: Float[np.ndarray, " n"], coordinate: Int[np.ndarray, " n"], terms: int
+    frequency: Float[np.ndarray, " n"], coordinate: Int[np.ndarray, " n"], length: float
 ) -> Float[np.ndarray, "n q"]:
-    """Cosines along the logarithm of frequency, for each coordinate by itself."""
-    waves = cosines(np.log(frequency), terms)
+    """A process along the logarithm of frequency, for each coordinate by itself."""
+    waves = process(np.log(frequency), length)
     parts = [waves * (coordinate == which)[:, None] for which in np.unique(coordinate)]
     return np.concatenate(parts, axis=1)
 

@@ -5,10 +5,17 @@ residuals $e$ and $s$ are taken into the coordinates of a noise member, and the 
 projected out. With $m$ data left, $S_0$ their sum of squares and $S$ what the alternative leaves of it, the likelihood
 ratio $L = \max_n l(S) - \max_n l(S_0)$ compares the best noise member with the alternative to the best without: an
 effect that is there is not mistaken for correlated noise, nor is an odd member of the family, in which something looks
-conspicuous, chosen against the data. $F = (m - q)(e^{2L/m} - 1)/q$ for an alternative of $q$ directions; of one, $t$ is
-its root with the strength's sign. In noise of one known kind these are the $F$ and $t$ of regression.
+conspicuous, chosen against the data. $t^2 = (m - 1)(e^{2L/m} - 1)$, with the strength's sign: in noise of one known
+kind that is the $t$ of regression.
 
-Source: score tests, Rao (1948); restricted likelihood, Patterson & Thompson (1971). Cited from memory.
+An alternative of several directions is a Gaussian process: the strengths are normal, their variance has a common factor
+that is looked for among few (`SIGNALS`, in d'). With $\lambda_i$ the variances along the process's own axes and $z_i$
+the data along those, both over the noise, $S = S_0 - \sum z_i^2 \lambda_i / (1 + \lambda_i)$, and the likelihood pays
+$\tfrac12 \sum \log(1 + \lambda_i)$. Directions that a smooth correction hardly has cost it next to nothing, where a
+test of all alike would pay for every one.
+
+Source: score tests, Rao (1948); restricted likelihood, Patterson & Thompson (1971); tests of a variance, Self & Liang
+(1987). Cited from memory.
 """
 
 import dataclasses
@@ -20,8 +27,10 @@ from scipy import stats
 
 from inverse.diagnosis.noise import Noise
 
+SIGNALS = (3.0, 6.0, 12.0)
+"""Root of the sum of squares that a Gaussian process is expected to add, in standard deviations of the noise."""
 _VISIBLE = 1e-2
-"""Part of a free form's direction that must be left after projection for it to count."""
+"""Part of a process's direction that the fitted parameters and its coarser directions must leave for it to count."""
 _HIGHEST_LEVERAGE = 0.95
 _FLOOR = 1e-300
 _HIGHEST_EXPONENT = 200.0
@@ -33,7 +42,8 @@ class Alternative:
 
     Attributes:
         name: Of the cause or the free form; a cause with several shapes has one alternative for each.
-        directions: Derivative of the prediction in each strength, one column each.
+        directions: Derivative of the prediction in each strength, one column each. Several strengths are normal numbers
+            of one common and unknown spread: a column twice as long is believed to leave twice as much after the fit.
         sign: 1 if the strength cannot be negative (one-sided test), 0 if it may have either sign.
         shape: Value of the cause's second parameter, where it has one.
     """
@@ -50,7 +60,7 @@ class Statistics:
 
     Attributes:
         log_p: Logarithm of the p-value of each alternative alone.
-        statistic: t for a single direction, F for several.
+        statistic: t for a single direction, twice the gain of the log-likelihood for several.
         noise: Index of the noise member with each alternative in the model.
         null_noise: Index of the noise member without any.
     """
@@ -66,13 +76,15 @@ class _Prepared:
     """One noise member: what takes data to their coordinates along fitted parameters and along the alternatives.
 
     `onto` holds the coordinates of all, one row each, first the fitted parameters, then the single alternatives, then
-    the groups; whitening is in it.
+    the processes along their own axes; whitening is in it. `shares` holds the variance along each of those,
+    1 in sum.
     """
 
     noise: Noise
     fitted: Float[np.ndarray, "n p"]
     singles: Float[np.ndarray, "n s"]
     onto: Float[np.ndarray, "k n"]
+    shares: Float[np.ndarray, " axis"]
     log_determinant: float
 
 
@@ -86,15 +98,14 @@ class Screen:
 
         Args:
             fitted: Derivative of the prediction in the fitted parameters, one column each.
-            alternatives: What to test for; those of which the fitted parameters leave nothing, and those
-                with as many directions as there are data to spare, are left out.
+            alternatives: What to test for; those of which the fitted parameters leave nothing are left out.
             family: Noise members, white first.
         """
         self._fitted = independent(fitted)
         self.freedom = self._fitted.shape[0] - self._fitted.shape[1]
         self.family = tuple(family)
-        reduced = [_visible(alternative.directions, self._fitted) for alternative in alternatives]
-        usable = [0 < columns.shape[1] < self.freedom - 1 for columns in reduced]
+        reduced = [visible_columns(alternative.directions, self._fitted) for alternative in alternatives]
+        usable = [columns.shape[1] > 0 for columns in reduced]
         self.alternatives = tuple(a for a, use in zip(alternatives, usable, strict=True) if use)
         reduced = [columns for columns, use in zip(reduced, usable, strict=True) if use]
         self._single = np.array([a.directions.shape[1] == 1 for a in self.alternatives], dtype=bool)
@@ -127,13 +138,22 @@ class Screen:
             better = _keep(single, self._likelihood(prepared, total - one**2), index, likelihood, noise)
             direction = np.where(better, one, direction)
             if several.size:
-                inside = np.add.reduceat(along[parameters + len(single) :] ** 2, self._starts, axis=0)
-                _keep(several, self._likelihood(prepared, total - inside), index, likelihood, noise)
-        gain = np.maximum(likelihood - null_likelihood, 0.0)
-        rank = self._rank_of_all()[:, None]
-        statistic = (self.freedom - rank) / rank * np.expm1(np.minimum(2.0 * gain / self.freedom, _HIGHEST_EXPONENT))
-        statistic[single] = np.sign(direction) * np.sqrt(statistic[single])
+                found = self._of_processes(prepared, total, along[parameters + len(single) :] ** 2)
+                _keep(several, found, index, likelihood, noise)
+        statistic = 2.0 * np.maximum(likelihood - null_likelihood, 0.0)
+        square = (self.freedom - 1) * np.expm1(np.minimum(statistic[single] / self.freedom, _HIGHEST_EXPONENT))
+        statistic[single] = np.sign(direction) * np.sqrt(square)
         return Statistics(self._log_p(statistic), statistic, noise, null_noise)
+
+    def _of_processes(self, prepared: _Prepared, total, squares) -> Float[np.ndarray, "process batch"]:
+        """Restricted log-likelihood with each process in the model, at its likeliest size."""
+        best = np.full((len(self._starts), squares.shape[1]), -np.inf)
+        for signal in SIGNALS:
+            taken, cost = shrunk(prepared.shares, signal)
+            inside = np.add.reduceat(taken[:, None] * squares, self._starts, axis=0)
+            paid = np.add.reduceat(cost, self._starts)[:, None]
+            best = np.maximum(best, self._likelihood(prepared, total - inside) - paid)
+        return best
 
     def noise_evidence(
         self, data: Float[np.ndarray, "n batch"]
@@ -183,13 +203,13 @@ class Screen:
         left -= fitted @ (fitted.transpose(0, 2, 1) @ left)
         count = int(np.sum(self._single))
         lengths = np.maximum(np.linalg.norm(left[:, :, :count], axis=1), _FLOOR)
-        bases = [left[:, :, :count] / lengths[:, None, :]]
+        bases, shares = [left[:, :, :count] / lengths[:, None, :]], [np.zeros((len(self.family), 0))]
         for start, rank in zip(self._starts + count, self._ranks, strict=True):
-            columns = left[:, :, start : start + rank]
-            # Columns of unit length and far from dependent: their products lose no digits that count.
-            corner = np.linalg.cholesky(columns.transpose(0, 2, 1) @ columns)
-            bases.append(columns @ np.linalg.inv(corner).transpose(0, 2, 1))
+            axes, variance = _own_axes(left[:, :, start : start + rank])
+            bases.append(axes)
+            shares.append(variance)
         together = np.concatenate([fitted, *bases], axis=2)
+        share = np.concatenate(shares, axis=1)
         log_fitted = 2.0 * np.sum(np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2))), axis=1)
         return [
             _Prepared(
@@ -197,6 +217,7 @@ class Screen:
                 fitted=fitted[i],
                 singles=bases[0][i],
                 onto=np.ascontiguousarray(noise.whiten_transposed(together[i]).T),
+                shares=share[i],
                 log_determinant=noise.log_determinant + float(log_fitted[i]),
             )
             for i, noise in enumerate(self.family)
@@ -207,11 +228,6 @@ class Screen:
         size = 0.5 * self.freedom * np.log(np.maximum(rest, _FLOOR))
         return prepared.noise.log_prior - 0.5 * prepared.log_determinant - size
 
-    def _rank_of_all(self) -> Int[np.ndarray, " alternative"]:
-        ranks = np.ones(len(self.alternatives), dtype=int)
-        ranks[~self._single] = self._ranks
-        return ranks
-
     def _log_p(self, statistic):
         log_p = np.zeros_like(statistic)
         single = np.flatnonzero(self._single)
@@ -219,9 +235,8 @@ class Screen:
         both = np.log(2.0) + stats.t.logsf(np.abs(statistic[single]), self.freedom - 1)
         log_p[single] = np.where(self._two_sided[:, None], both, one)
         several = np.flatnonzero(~self._single)
-        if several.size:
-            rank = self._ranks[:, None]
-            log_p[several] = stats.f.logsf(statistic[several], rank, self.freedom - rank)
+        # A variance is at its bound in half of all data sets without it.
+        log_p[several] = np.log(0.5) + stats.chi2.logsf(statistic[several], 1)
         return log_p
 
 
@@ -272,14 +287,55 @@ def visibility(columns: Float[np.ndarray, "n q"], fitted: Float[np.ndarray, "n p
     return np.linalg.norm(_project_out(unit_columns(columns), independent(fitted)), axis=0)
 
 
-def _visible(columns: Float[np.ndarray, "n q"], basis: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n r"]:
-    """A direction as it is; for several, combinations of them of which the fit leaves unit length."""
-    left = _project_out(unit_columns(columns), basis)
+def shrunk(
+    shares: Float[np.ndarray, " axis"], signal: float
+) -> tuple[Float[np.ndarray, " axis"], Float[np.ndarray, " axis"]]:
+    """Part of the data along each own axis of a process that it takes, and what each axis costs its log-likelihood.
+
+    Args:
+        shares: Variance along each axis, 1 in sum over a process.
+        signal: Root of the sum of squares that the process is expected to add, in standard deviations of the noise.
+    """
+    ratio = signal**2 * shares
+    return ratio / (1.0 + ratio), 0.5 * np.log1p(ratio)
+
+
+def _own_axes(
+    columns: Float[np.ndarray, "member n q"],
+) -> tuple[Float[np.ndarray, "member n q"], Float[np.ndarray, "member q"]]:
+    """Unit directions along which the strengths of a process do not mix, and the variance along each, 1 in sum."""
+    variance, turn = np.linalg.eigh(columns.transpose(0, 2, 1) @ columns)
+    # Axes of no variance take nothing, wherever they point.
+    variance = np.maximum(variance, 1e-12 * variance[:, -1:])
+    return columns @ turn / np.sqrt(variance)[:, None, :], variance / np.sum(variance, axis=1, keepdims=True)
+
+
+def visible_columns(columns: Float[np.ndarray, "n q"], basis: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n r"]:
+    """A direction as it is; of a process, combinations of which the fit leaves as much as each column is long.
+
+    Columns are taken in order of their length, each less what those before it can do: a coarse correction that the
+    fitted parameters imitate but for a hundredth is still believed before a fine one.
+    """
+    lengths = np.linalg.norm(columns, axis=0)
     if columns.shape[1] == 1:
-        return columns if np.any(left) else columns[:, :0]
-    _, singular, combinations = np.linalg.svd(left, full_matrices=False)
-    seen = singular > _VISIBLE
-    return unit_columns(columns) @ (combinations[seen].T / singular[seen])
+        left = _project_out(columns, basis)
+        return columns / max(float(lengths[0]), _FLOOR) if np.any(left) else columns[:, :0]
+    order = np.argsort(-lengths, kind="stable")
+    order = order[lengths[order] > 0.0]
+    unit, spread = columns[:, order] / lengths[order], lengths[order]
+    kept: list[int] = []
+    found = np.zeros((len(columns), 0))
+    for j in range(len(order)):
+        left = _project_out(unit[:, [j]], basis)
+        # Twice: once is not enough where next to nothing is left.
+        rest = _project_out(_project_out(left, found), found)
+        if float(np.linalg.norm(rest)) > _VISIBLE:
+            kept.append(j)
+            found = np.concatenate([found, rest / np.linalg.norm(rest)], axis=1)
+    triangle = found.T @ unit[:, kept]
+    return (
+        unit[:, kept] @ np.linalg.inv(triangle) * spread[kept] / max(float(spread[0]), _FLOOR) if kept else unit[:, :0]
+    )
 
 
 def _project_out(columns: Float[np.ndarray, "n m"], basis: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n m"]:

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from inverse.diagnosis.decision import Evidence
 from inverse.diagnosis.free_forms import Place
-from inverse.diagnosis.screening import independent
+from inverse.diagnosis.screening import SIGNALS, independent, shrunk, visible_columns
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,12 +58,35 @@ def absorbed_by_places(
         alternative = tested.alternatives[row]
         if alternative.name not in words:
             continue
-        directions = alternative.directions - basis @ (basis.T @ alternative.directions)
-        span = independent(directions)
-        correction = span @ (span.T @ left)
-        share = float(correction @ correction / (left @ left))
+        directions = visible_columns(alternative.directions, basis)
+        directions = directions - basis @ (basis.T @ directions)
+        correction = absorbed(directions, left, len(left) - basis.shape[1])
+        share = 1.0 - float(np.sum((left - correction) ** 2) / (left @ left))
         found.append(Absorbed(words[alternative.name], share, float(tested.p_family[row]), correction))
     return tuple(found)
+
+
+def absorbed(
+    directions: Float[np.ndarray, "n q"], left: Float[np.ndarray, " n"], freedom: int
+) -> Float[np.ndarray, " n"]:
+    """What an alternative takes of residuals: of one direction all, of a process what is likeliest, given its size.
+
+    Args:
+        directions: Of the alternative, fitted parameters projected out.
+        left: Residuals, these projected out, too.
+        freedom: Number of residuals less that of fitted parameters.
+    """
+    axes, lengths, _ = np.linalg.svd(directions, full_matrices=False)
+    if directions.shape[1] == 1:
+        return axes[:, 0] * (axes[:, 0] @ left)
+    along, shares = axes.T @ left, lengths**2 / np.sum(lengths**2)
+    likeliest, correction = -np.inf, np.zeros_like(left)
+    for signal in SIGNALS:
+        taken, cost = shrunk(shares, signal)
+        likelihood = -0.5 * freedom * np.log(left @ left - taken @ along**2) - np.sum(cost)
+        if likelihood > likeliest:
+            likeliest, correction = likelihood, axes @ (taken * along)
+    return correction
 
 
 @dataclasses.dataclass(frozen=True)

@@ -390,20 +390,33 @@ def write(
     name: str = "none",
     d_prime: float = 4.5,
     noise: str = "white",
+    size: float = NOISE,
 ) -> None:
-    """Simulate one measurement; the file in `data` says nothing of what is in `key`."""
+    """Simulate one measurement; the file in `data` says nothing of what is in `key`.
+
+    Args:
+        data: File of the measurement.
+        key: File of what is hidden in it.
+        fine: Simulates the measurement.
+        coarse: Simulates derivatives.
+        seed: Of constants and noise.
+        name: Of the effect.
+        d_prime: Its strength.
+        noise: Kind of noise.
+        size: Its relative standard deviation.
+    """
     rng = np.random.default_rng([seed, 20161231])
     z = np.clip(rng.standard_normal(9), -1.5, 1.5) * 0.6
     shown = np.concatenate([_readings(final) for final in FINAL])
     strength, added = 0.0, np.zeros(len(shown))
     if name in UNKNOWN:
         direction = UNKNOWN[name](shown, rng)
-        strength = strength_of(coarse, z, name, d_prime, direction)
+        strength = size / NOISE * strength_of(coarse, z, name, d_prime, direction)
         added = strength * direction
     elif name != "none":
-        strength = strength_of(coarse, z, name, d_prime)
+        strength = size / NOISE * strength_of(coarse, z, name, d_prime)
     logarithm, time = fine.curves(z, name if name in EFFECTS else "none", strength)
-    read = np.exp(logarithm + added + NOISE * draw_noise(noise, shown, rng))
+    read = np.exp(logarithm + added + size * draw_noise(noise, shown, rng))
     first = np.concatenate([[True], np.diff(_groups()) > 0])
     percent = 100.0 * read / read[first][_groups()]
     labels = np.array([f"{1 + g}" for g in _groups()])

@@ -3,16 +3,10 @@
 import numpy as np
 from jaxtyping import Float
 
-from inverse.diagnosis.free_forms import Place, cosines
+from inverse.diagnosis.free_forms import COARSE, LENGTHS, Place, process
 from inverse.diagnosis.hmi.courses import HmiRows
 from inverse.diagnosis.screening import Alternative
 
-SMOOTH_TERMS = (4, 8)
-"""Cosines of a correction along temperature: the model's constants take the coarsest, so that it begins at four."""
-OWN_TERMS = 4
-"""Cosines of a correction that one sonication has alone."""
-TIME_TERMS = 4
-"""Cosines of a correction along time or displacement."""
 _SAME = 0.25
 """Difference of temperature below which readings of several sonications count as taken at the same [K]."""
 
@@ -35,13 +29,14 @@ def hmi_free_forms(rows: HmiRows, log_predicted: Float[np.ndarray, " row"]) -> t
         places.append(Place(name, words))
 
     temperature, sonication, count = rows.temperature, rows.sonication, len(rows.labels)
-    for terms in SMOOTH_TERMS:
-        add(f"smooth-{terms}", "in all sonications alike, smoothly along temperature", cosines(temperature, terms))
-    add("time", "following the time since the start", cosines(rows.time, TIME_TERMS))
+    for length in LENGTHS:
+        words = "in all sonications alike, smoothly along temperature"
+        add(f"smooth-{length:g}", words, process(temperature, length))
+    add("time", "following the time since the start", process(rows.time, COARSE))
     relative = log_predicted - _mean_by(log_predicted, sonication)
-    add("displacement", "following the displacement", cosines(relative, TIME_TERMS))
+    add("displacement", "following the displacement", process(relative, COARSE))
     if count > 1:
-        own = [cosines(temperature, OWN_TERMS) * (sonication == one)[:, None] for one in range(count)]
+        own = [process(temperature, COARSE) * (sonication == one)[:, None] for one in range(count)]
         for one, label in enumerate(rows.labels):
             add(f"sonication-{label}", f"in sonication {label} alone, smoothly along temperature", own[one])
         add("each", "in each sonication in its own way, smoothly along temperature", np.concatenate(own, axis=1))
