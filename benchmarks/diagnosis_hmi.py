@@ -69,13 +69,13 @@ def conditions() -> list[Condition]:
 
 @dataclasses.dataclass(frozen=True)
 class Bench:
-    """What all data sets share: the experiment, its fast simulation, and the generator on two meshes."""
+    """What all data sets share: the experiment, its fast simulation, the generator, and its ruler of strengths."""
 
     described: ax.Experiment
     prepared: PreparedHmi
     program: HmiProgram
     fine: blind.Simulator
-    coarse: blind.Simulator
+    ruler: blind.Simulator
 
 
 @functools.cache
@@ -87,12 +87,12 @@ def prepared_bench() -> Bench:
 
 def _prepare(folder: Path) -> Bench:
     described = ax.read_experiment(shipped("suomi2016_experiment"))
-    fine, coarse = blind.Simulator(described, 1.5, 77), blind.Simulator(described, 0.7, 40)
-    blind.write(folder / "any.csv", folder / "any.json", fine=coarse, coarse=coarse, seed=1)
+    fine = blind.Simulator(described, 1.5, 77)
+    blind.write(folder / "any.csv", folder / "any.json", fine=fine, ruler=fine, seed=1)
     data, settings = read_hmi(folder / "any.csv"), inference_settings(described, "suomi2016_experiment")
     prepared = prepare_hmi(described, settings, data)
     program = hmi_problem_of(prepared, data, described, settings, HMI_CAUSES).program
-    return Bench(described, prepared, program, fine, coarse)
+    return Bench(described, prepared, program, fine, fine)
 
 
 def measured(bench: Bench, condition: Condition, seed: int) -> tuple[HmiData, dict]:
@@ -100,7 +100,7 @@ def measured(bench: Bench, condition: Condition, seed: int) -> tuple[HmiData, di
     with tempfile.TemporaryDirectory() as folder:
         data, key = Path(folder) / "data.csv", Path(folder) / "key.json"
         blind.write(
-            data, key, fine=bench.fine, coarse=bench.coarse, seed=seed, name=condition.name,
+            data, key, fine=bench.fine, ruler=bench.ruler, seed=seed, name=condition.name,
             d_prime=condition.d_prime, noise=condition.noise, size=condition.size,
         )  # fmt: skip
         return read_hmi(data), json.loads(key.read_text())
