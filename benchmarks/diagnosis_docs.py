@@ -119,7 +119,7 @@ def figure(summary: dict[str, Any]) -> Figure:
     )
     for offset, (key, colour, label) in zip((-0.06, 0.06), pairs, strict=True):
         _points(attribution, [d + offset for d in x], [known[d][key] for d in strengths], colour, label)
-    attribution.set(title="Which cause?", xlim=(2.6, 6.4), ylim=(0.5, 1.02))
+    attribution.set(title="Which cause?", xlim=(2.6, 6.4), ylim=(min(0.5, attribution.get_ylim()[0]), 1.02))
     for axis in (power, attribution):
         axis.set_xlabel("d': effect left after the fit, over the noise")
     power.legend(loc="upper left", frameon=False)

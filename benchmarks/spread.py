@@ -22,7 +22,7 @@ def spread(
         work: Does one piece; a function of a module, so that other processes find it.
         todo: Its arguments, for every piece.
         workers: Processes; each compiles for itself. One does the work here.
-        minutes: After so long no piece is begun.
+        minutes: After so long no piece is handed out; those that workers have are still done.
     """
     end = time.perf_counter() + 60.0 * minutes
     rest = iter(todo)

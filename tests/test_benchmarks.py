@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks import acoustics, diagnosis, inference, mechanics, protocols
-from benchmarks.diagnosis_docs import DMA_STUDY, write_docs
+from benchmarks.diagnosis_docs import DMA_STUDY, HMI_STUDY, write_docs
 from benchmarks.diagnosis_summary import rate, summarise
 
 
@@ -114,6 +114,21 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
     assert "called unexplained, at most 5 | 25.0" in page and "| 4 | no |" in page
     assert "| 9 | slip | sweep-drift | 4.0 | 99 | 90 |" in page
     assert (tmp_path / DMA_STUDY.picture).stat().st_size > 10_000
+
+
+def test_page_of_displacement_needs_no_limit_of_removed_causes(tmp_path):
+    one = {"first": "perfusion", "named": [], "confusable": [], "possible": [], "seconds": 1.0, "noise": "white"}
+    one |= {"name": "perfusion", "verdict": "adequate"}
+    lines = [
+        *({"part": "known", "d_prime": d} | one for d in (4.5, 6.0)),
+        {"part": "null", "d_prime": 0.0} | one,
+        *({"part": part, "d_prime": 9.0} | one for part in ("unknown", "removed")),
+    ]
+    limit = {f"{d:g}": {"perfusion": {"detected": 0.97, "first": 0.8}} for d in (4.5, 6.0)}
+    write_docs({"seeds": "test", **summarise(lines, limit)}, tmp_path, HMI_STUDY)
+    page = (tmp_path / HMI_STUDY.page).read_text()
+    assert "displacement" in page and "| d' = 4.5: detected, at least 93 | 0.0" in page
+    assert (tmp_path / HMI_STUDY.picture).stat().st_size > 10_000
 
 
 def test_error_of_a_rate_is_that_of_wilson():

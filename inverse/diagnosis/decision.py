@@ -58,7 +58,7 @@ class Evidence:
         alternatives: What was tested.
         log_p: Logarithm of the p-value of each alternative alone.
         p_family: The same for the whole family: that noise alone gives any alternative as improbable a value.
-        statistics: t or F of each alternative.
+        statistics: t of each cause, and twice the gain of the log-likelihood of each free form of several directions.
         noises: The noise member that each alternative goes with.
         null_noise: The noise member without any alternative.
     """

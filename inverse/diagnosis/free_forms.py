@@ -1,7 +1,9 @@
 r"""Corrections of no name: smooth or local differences that tell where a model is wrong when no cause explains it.
 
 Smooth ones are Gaussian processes along a coordinate $x$ from 0 to 1, with cosines for a basis: $\cos k \pi x$ with
-variance $e^{-(k \pi l)^2 / 2}$ has the covariance $e^{-(x - x')^2 / 2 l^2}$ but for its mirror images at the ends.
+variance $e^{-(k \pi l)^2 / 2}$ has the covariance $e^{-(x - x')^2 / 2 l^2}$ but for its mirror images at the ends and
+for the constant one, which has twice the variance. A test then takes what the fit leaves of each for as large as the
+whole (`visible_columns`).
 
 Source: Solin & Särkkä (2020), Hilbert space methods for reduced-rank Gaussian process regression. Cited from memory.
 """
@@ -16,7 +18,7 @@ from inverse.diagnosis.screening import Alternative, unit_columns
 LENGTHS = (0.3, 0.1)
 """Correlation lengths of smooth corrections, in parts of the coordinate's range: coarse ones and fine ones."""
 COARSE, FINE = LENGTHS
-MOST_TERMS = 60
+MOST_TERMS = 100
 """Directions of one correction beyond which it takes more time than it is worth."""
 _LEAST_SPREAD = 0.02
 """Of a cosine, over that of the constant one, below which it is left out."""

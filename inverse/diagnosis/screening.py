@@ -9,8 +9,8 @@ conspicuous, chosen against the data. $t^2 = (m - 1)(e^{2L/m} - 1)$, with the st
 kind that is the $t$ of regression.
 
 An alternative of several directions is a Gaussian process: the strengths are normal, their variance has a common factor
-that is looked for among few (`SIGNALS`, in d'). With $\lambda_i$ the variances along the process's own axes and $z_i$
-the data along those, both over the noise, $S = S_0 - \sum z_i^2 \lambda_i / (1 + \lambda_i)$, and the likelihood pays
+that is looked for among few (`SIGNALS`, in d'). With $\lambda_i$ the variances along the process's own axes, over that
+of the noise, and $z_i$ the data along them, $S = S_0 - \sum z_i^2 \lambda_i / (1 + \lambda_i)$, and the likelihood pays
 $\tfrac12 \sum \log(1 + \lambda_i)$. Directions that a smooth correction hardly has cost it next to nothing, where a
 test of all alike would pay for every one.
 
@@ -76,8 +76,8 @@ class _Prepared:
     """One noise member: what takes data to their coordinates along fitted parameters and along the alternatives.
 
     `onto` holds the coordinates of all, one row each, first the fitted parameters, then the single alternatives, then
-    the processes along their own axes; whitening is in it. `shares` holds the variance along each of those,
-    1 in sum.
+    the processes along their own axes; whitening is in it. `shares` holds the variance along each of those axes, 1 in
+    sum over each process.
     """
 
     noise: Noise
@@ -100,7 +100,13 @@ class Screen:
             fitted: Derivative of the prediction in the fitted parameters, one column each.
             alternatives: What to test for; those of which the fitted parameters leave nothing are left out.
             family: Noise members, white first.
+
+        Raises:
+            ValueError: if a direction is not finite.
         """
+        for alternative in alternatives:
+            if not np.all(np.isfinite(alternative.directions)):
+                raise ValueError(f"the derivative of {alternative.name} is not finite everywhere: it cannot be tested.")
         self._fitted = independent(fitted)
         self.freedom = self._fitted.shape[0] - self._fitted.shape[1]
         self.family = tuple(family)
@@ -311,7 +317,7 @@ def _own_axes(
 
 
 def visible_columns(columns: Float[np.ndarray, "n q"], basis: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n r"]:
-    """A direction as it is; of a process, combinations of which the fit leaves as much as each column is long.
+    """A direction as it is; of a process, what the fit leaves of each column, as long as the column is.
 
     Columns are taken in order of their length, each less what those before it can do: a coarse correction that the
     fitted parameters imitate but for a hundredth is still believed before a fine one.
@@ -322,20 +328,16 @@ def visible_columns(columns: Float[np.ndarray, "n q"], basis: Float[np.ndarray, 
         return columns / max(float(lengths[0]), _FLOOR) if np.any(left) else columns[:, :0]
     order = np.argsort(-lengths, kind="stable")
     order = order[lengths[order] > 0.0]
-    unit, spread = columns[:, order] / lengths[order], lengths[order]
-    kept: list[int] = []
-    found = np.zeros((len(columns), 0))
-    for j in range(len(order)):
-        left = _project_out(unit[:, [j]], basis)
+    spread, found = [], np.zeros((len(columns), 0))
+    for column in order:
+        left = _project_out(columns[:, [column]] / lengths[column], basis)
         # Twice: once is not enough where next to nothing is left.
         rest = _project_out(_project_out(left, found), found)
-        if float(np.linalg.norm(rest)) > _VISIBLE:
-            kept.append(j)
-            found = np.concatenate([found, rest / np.linalg.norm(rest)], axis=1)
-    triangle = found.T @ unit[:, kept]
-    return (
-        unit[:, kept] @ np.linalg.inv(triangle) * spread[kept] / max(float(spread[0]), _FLOOR) if kept else unit[:, :0]
-    )
+        length = float(np.linalg.norm(rest))
+        if length > _VISIBLE:
+            spread.append(lengths[column])
+            found = np.concatenate([found, rest / length], axis=1)
+    return found * np.array(spread) / spread[0] if spread else found
 
 
 def _project_out(columns: Float[np.ndarray, "n m"], basis: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n m"]:

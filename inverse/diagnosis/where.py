@@ -10,6 +10,9 @@ from inverse.diagnosis.decision import Evidence
 from inverse.diagnosis.free_forms import Place
 from inverse.diagnosis.screening import SIGNALS, independent, shrunk, visible_columns
 
+_SIZES = (*SIGNALS, 25.0, 50.0, 100.0, 200.0)
+"""Sizes of a correction that is drawn: of one far above the noise nothing is held back."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Absorbed:
@@ -59,7 +62,8 @@ def absorbed_by_places(
         if alternative.name not in words:
             continue
         directions = visible_columns(alternative.directions, basis)
-        directions = directions - basis @ (basis.T @ directions)
+        if directions.shape[1] == 1:
+            directions = directions - basis @ (basis.T @ directions)
         correction = absorbed(directions, left, len(left) - basis.shape[1])
         share = 1.0 - float(np.sum((left - correction) ** 2) / (left @ left))
         found.append(Absorbed(words[alternative.name], share, float(tested.p_family[row]), correction))
@@ -71,6 +75,8 @@ def absorbed(
 ) -> Float[np.ndarray, " n"]:
     """What an alternative takes of residuals: of one direction all, of a process what is likeliest, given its size.
 
+    Noise is taken for white here: this draws a correction, and decides nothing.
+
     Args:
         directions: Of the alternative, fitted parameters projected out.
         left: Residuals, these projected out, too.
@@ -81,7 +87,7 @@ def absorbed(
         return axes[:, 0] * (axes[:, 0] @ left)
     along, shares = axes.T @ left, lengths**2 / np.sum(lengths**2)
     likeliest, correction = -np.inf, np.zeros_like(left)
-    for signal in SIGNALS:
+    for signal in _SIZES:
         taken, cost = shrunk(shares, signal)
         likelihood = -0.5 * freedom * np.log(left @ left - taken @ along**2) - np.sum(cost)
         if likelihood > likeliest:

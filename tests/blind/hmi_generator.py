@@ -1,8 +1,8 @@
 """Curves of displacement with a hidden effect, and a sealed key. Shares no code with `inverse`.
 
 Sonications are simulated reading by reading with the full solid on a mesh and time steps of its own; the diagnosis uses
-a fast simulation that learnt from another mesh. Effects are written out here as a person who knows the physics would:
-a thermocouple's lag is its differential equation, not an expansion. Constants are drawn from what is believed of them,
+a fast simulation that learnt from another mesh. Effects (`hmi_effects`) are written out as a person who knows the physics
+would: a thermocouple's lag is its differential equation, not an expansion. Constants are drawn from what is believed of them,
 for each seed, and so is the noise.
 
 The strength is set by d': the length of the effect on the logarithm of displacement, at that strength and on the mesh
@@ -30,139 +30,17 @@ from arfjax.protocols.probing import ShortPush, on_axis_at
 from arfjax.protocols.sonication import sonication_field
 from arfjax.protocols.stepwise import force_at, lesion_at, lesion_share, push, simulate_heating
 from arfjax.protocols.transient import TissueState, solid_of
+from tests.blind.hmi_effects import DURATION, EFFECTS, REACH, SENSORS, TISSUE, TRACKING, UNKNOWN, Scene
 
 TEST_SEEDS = 20_000
 NOISE = 0.01
 ANCHORS = (35.0, 45.0, 55.0, 65.0, 84.0)
 FINAL = (63.0, 73.0, 83.0)
 REFERENCE = 37.0
-DURATION = 60.0
 
 
 def _readings(final: float) -> np.ndarray:
     return np.arange(REFERENCE, final + 0.1, 2.0)
-
-
-@dataclasses.dataclass
-class Scene:
-    """One sonication as it was, arrays by reading.
-
-    `model` may be changed throughout; the factors apply in the state of each reading.
-    """
-
-    model: ax.Model
-    shown: np.ndarray
-    time: np.ndarray
-    temperature: np.ndarray
-    rate: np.ndarray
-    coagulated_at: float
-    attenuation: np.ndarray
-    liver: np.ndarray
-    lesion: np.ndarray
-    threshold: np.ndarray
-    force: np.ndarray
-
-    @property
-    def passed(self) -> np.ndarray:
-        return self.time / DURATION
-
-
-Course = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""Time, temperature of the focus, and radii and temperature beside it (time by radius)."""
-
-
-def _lag(course: Course, s: float) -> np.ndarray:
-    """What a sensor of time constant s shows: the solution of s dT/dt = focus - T, step by step."""
-    time, focus = course[0], course[1]
-    shown = focus.copy()
-    for i in range(1, len(time)):
-        step = time[i] - time[i - 1]
-        decay = np.exp(-step / s)
-        slope = (focus[i] - focus[i - 1]) / step
-        shown[i] = focus[i] - slope * s + (shown[i - 1] - focus[i - 1] + slope * s) * decay
-    return shown
-
-
-def _beside(course: Course, s: float) -> np.ndarray:
-    """At a distance whose square is s mm^2, between the cells of the grid."""
-    _, focus, r, beside = course
-    # Even in r: the polynomial in its square through the axis and the cells beside it.
-    nodes, at = np.append(0.0, r**2), s * 1e-6
-    weights = [
-        np.prod([(at - other) / (node - other) for j, other in enumerate(nodes) if j != i])
-        for i, node in enumerate(nodes)
-    ]
-    return np.column_stack([focus, beside]) @ np.array(weights)
-
-
-SENSORS: dict[str, Callable[[Course, float], np.ndarray]] = {
-    "thermocouple-lag": _lag,
-    "thermocouple-position": _beside,
-    "thermocouple-viscous-heating": lambda c, s: c[1] + s * (1.0 - np.exp(-c[0] / 3.0)),
-}
-"""What the thermocouple shows over the sonication."""
-
-
-def _model(place, change):
-    def applied(scene: Scene, s: float) -> None:
-        scene.model = eqx.tree_at(place, scene.model, change(place(scene.model), s))
-
-    return applied
-
-
-def _perfused(law, s):
-    return ax.Constant(law(37.0) + s * 15.2 / 1050.0, unit=law.unit, source=law.source)
-
-
-def _conducting(law, s):
-    return ax.Constant(law(37.0) * (1.0 + s), unit=law.unit, source=law.source)
-
-
-def _times(name: str, factor: Callable[[Scene, float], np.ndarray]):
-    def applied(scene: Scene, s: float) -> None:
-        setattr(scene, name, getattr(scene, name) * factor(scene, s))
-
-    return applied
-
-
-TISSUE: dict[str, Callable[[Scene, float], None]] = {
-    "perfusion": _model(lambda m: m.liver.perfusion_rate, _perfused),
-    "conductivity-change": _model(lambda m: m.liver.conductivity, _conducting),
-    "damage-law": _times("threshold", lambda c, s: np.full(len(c.time), np.exp(s))),
-    "output-drift": _times("force", lambda c, s: 1.0 + s * c.passed),
-    "cavitation": _times("force", lambda c, s: 1.0 + s / (1.0 + np.exp(-(c.temperature - 68.0) / 2.0))),
-    "lesion-stiffness-law": _times("lesion", lambda c, s: np.exp(s * 0.5 * ((c.temperature - 70.0) / 10.0) ** 2)),
-    "pre-ablation-softening": _times(
-        "liver", lambda c, s: 1.0 - s * np.exp(-0.5 * ((c.temperature - 49.0) / 4.0) ** 2)
-    ),
-    "attenuation-kinetics": _times(
-        "attenuation", lambda c, s: 1.0 + s * (1.0 - np.exp(-np.maximum(c.time - c.coagulated_at, 0.0) / 118.0))
-    ),
-}
-"""What departs from the laws of the tissue or of the sound."""
-
-TRACKING: dict[str, Callable[[np.ndarray, Scene, float], np.ndarray]] = {
-    "thermal-decorrelation": lambda u, c, s: u * (1.0 - s * c.rate / 5.0),
-    "echo-strain": lambda u, c, s: u + s * c.rate / 5.0,
-}
-"""What tracking makes of displacement relative to the first reading's."""
-
-EFFECTS = (*SENSORS, *TISSUE, *TRACKING)
-
-
-def _bump(m: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    return np.exp(-0.5 * ((m - rng.uniform(45.0, 60.0)) / 1.5) ** 2)
-
-
-def _smooth(m: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    knots = np.linspace(36.0, 84.0, 13)
-    distance = (knots[:, None] - knots[None, :]) / 5.0
-    root = np.linalg.cholesky(np.exp(-0.5 * distance**2) + 1e-9 * np.eye(13))
-    return np.interp(m, knots, root @ rng.standard_normal(13))
-
-
-UNKNOWN = {"bump": _bump, "smooth": _smooth}
-"""Changes of the logarithm of displacement that are in no list, as functions of temperature."""
 
 
 class Simulator:
@@ -240,9 +118,11 @@ class Simulator:
         def course(highest: float):
             heating = _scaled_to(heated, highest, start)
             grid, focal = self.settings.heat_grid, np.asarray(heating.focal_temperature)
-            z_focus = int(np.argmin(np.abs(np.asarray(grid.z) - self.settings.focus)))
-            beside = np.asarray(heating.temperature)[:, :4, z_focus]
-            return heating, (np.asarray(heating.time), focal, np.asarray(grid.r)[:4], beside)
+            near = np.asarray(grid.r) < REACH
+            # The focus lies on a face: the mean of the cells before and behind it.
+            behind = int(np.searchsorted(np.asarray(grid.z), self.settings.focus))
+            temperature = np.asarray(heating.temperature)[:, near, behind - 1 : behind + 1].mean(axis=2)
+            return heating, (np.asarray(heating.time), focal, np.asarray(grid.r)[near], temperature)
 
         heating, at = course(final)
         showing = at[1]
@@ -353,14 +233,21 @@ def _groups() -> np.ndarray:
     return np.repeat(np.arange(len(FINAL)), [len(_readings(final)) for final in FINAL])
 
 
-def strength_of(ruler: Simulator, z: np.ndarray, change: Callable[[float], np.ndarray], d_prime: float) -> float:
+FIRST_STRENGTH, ITERATIONS, CLOSE = 0.1, 20, 0.03
+"""Where the search for a strength starts, how many are tried, and how close d' has to be."""
+
+
+def strength_of(
+    ruler: Simulator, z: np.ndarray, change: Callable[[np.ndarray, float], np.ndarray], d_prime: float, name: str
+) -> float:
     """Strength at which an effect has a projected length; measured at that strength, because effects bend.
 
     Args:
         ruler: Measures what the constants can imitate, and the effect.
         z: Constants.
-        change: Of the logarithms at a strength, over the size of the noise.
+        change: Of the logarithms without the effect, at a strength, over the size of the noise.
         d_prime: The length.
+        name: Of the effect, for messages.
 
     Raises:
         ValueError: if no strength has it.
@@ -369,18 +256,15 @@ def strength_of(ruler: Simulator, z: np.ndarray, change: Callable[[float], np.nd
     columns = [(ruler.curves(z + step * unit)[0] - plain) / step for unit in np.eye(len(z))]
     factors = (_groups()[:, None] == np.arange(len(FINAL))).astype(float)
     imitated = np.column_stack([*columns, factors])
-    strength = _FIRST_STRENGTH
-    for _ in range(_ITERATIONS):
-        length = _projected(imitated, change(strength))
+    strength, length = FIRST_STRENGTH, np.nan
+    for _ in range(ITERATIONS):
+        length = _projected(imitated, change(plain, strength))
         if not 0.0 < length < np.inf:
             break
-        if abs(length / d_prime - 1.0) < _CLOSE:
+        if abs(length / d_prime - 1.0) < CLOSE:
             return strength
         strength *= float(np.clip(d_prime / length, 0.2, 5.0))
-    raise ValueError(f"no strength has d' = {d_prime:g}")
-
-
-_FIRST_STRENGTH, _ITERATIONS, _CLOSE = 0.1, 20, 0.03
+    raise ValueError(f"no strength of {name} found with d' = {d_prime:g}: the last, {strength:g}, has {length:g}.")
 
 
 def draw_noise(kind: str, temperature: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -428,11 +312,10 @@ def write(
     strength, added = 0.0, np.zeros(len(shown))
     if name in UNKNOWN:
         direction = UNKNOWN[name](shown, rng)
-        strength = strength_of(ruler, z, lambda s: s * direction / size, d_prime)
+        strength = strength_of(ruler, z, lambda _, s: s * direction / size, d_prime, name)
         added = strength * direction
     elif name != "none":
-        plain = ruler.curves(z)[0]
-        strength = strength_of(ruler, z, lambda s: (ruler.curves(z, name, s)[0] - plain) / size, d_prime)
+        strength = strength_of(ruler, z, lambda plain, s: (ruler.curves(z, name, s)[0] - plain) / size, d_prime, name)
     logarithm, time = fine.curves(z, name if name in EFFECTS else "none", strength)
     read = np.exp(logarithm + added + size * draw_noise(noise, shown, rng))
     first = np.concatenate([[True], np.diff(_groups()) > 0])
@@ -440,4 +323,8 @@ def write(
     labels = np.array([f"{1 + g}" for g in _groups()])
     lines = [f"{a},{t:.6g},{s:.6g},{p:.10g}" for a, t, s, p in zip(labels, time, shown, percent, strict=True)]
     data.write_text("\n".join(["sonication,time_s,temperature_c,displacement_percent", *lines]) + "\n")
-    key.write_text(json.dumps({"seed": seed, "hidden": name, "strength": strength, "d_prime": d_prime, "noise": noise}))
+    key.write_text(
+        json.dumps(
+            {"seed": seed, "hidden": name, "strength": strength, "d_prime": d_prime, "noise": noise, "size": size}
+        )
+    )

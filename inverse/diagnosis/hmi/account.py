@@ -92,10 +92,10 @@ class HmiAccount:
 
 
 def curve_features(percent: Float[np.ndarray, " n"], temperature: Float[np.ndarray, " n"]) -> list[str]:
-    """The early dip, the peak after it, and the last reading: value and temperature.
+    """A dip, the peak after it, and the last reading: value and temperature.
 
-    Dip and peak are the two readings, in this order, between which the curve rises most; one that starts at its dip has
-    none, and one that never rises has neither.
+    Dip and peak are the two readings, in this order, between which the curve rises most, be it by noise; one that
+    starts at its dip has none, and one that never rises has neither.
     """
     rise = percent[None, :] - percent[:, None]
     rise[np.tril_indices(len(percent))] = -np.inf

@@ -1,0 +1,146 @@
+"""What may be hidden in curves of displacement, written out as a person who knows the physics would."""
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import numpy as np
+
+import arfjax as ax
+
+DURATION = 60.0
+"""Of every sonication [s]."""
+
+
+@dataclasses.dataclass
+class Scene:
+    """One sonication as it was, arrays by reading.
+
+    `model` may be changed throughout; the factors apply in the state of each reading.
+    """
+
+    model: ax.Model
+    shown: np.ndarray
+    time: np.ndarray
+    temperature: np.ndarray
+    rate: np.ndarray
+    coagulated_at: float
+    attenuation: np.ndarray
+    liver: np.ndarray
+    lesion: np.ndarray
+    threshold: np.ndarray
+    force: np.ndarray
+
+    @property
+    def passed(self) -> np.ndarray:
+        return self.time / DURATION
+
+
+Course = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Time, temperature of the focus, and radii and temperature beside it (time by radius)."""
+
+REACH = 2e-3
+"""Radius up to which the profile across the beam is known [m]."""
+
+
+def _lag(course: Course, s: float) -> np.ndarray:
+    """What a sensor of time constant s shows: the solution of s dT/dt = focus - T, step by step."""
+    time, focus = course[0], course[1]
+    shown = focus.copy()
+    for i in range(1, len(time)):
+        step = time[i] - time[i - 1]
+        decay = np.exp(-step / s)
+        slope = (focus[i] - focus[i - 1]) / step
+        shown[i] = focus[i] - slope * s + (shown[i - 1] - focus[i - 1] + slope * s) * decay
+    return shown
+
+
+def beside(course: Course, s: float) -> np.ndarray:
+    """At a distance whose square is s mm^2, between the cells of the grid.
+
+    The rise over that on the axis is an even polynomial of the radius, fitted to all cells as far out as `REACH`.
+
+    Raises:
+        ValueError: if the distance is larger.
+    """
+    _, focus, r, temperature = course
+    if s * 1e-6 > REACH**2:
+        raise ValueError(f"{s:g} mm^2 lie beyond what the profile is known of.")
+    rise = temperature - focus[0]
+    powers = np.vander((r / REACH) ** 2, 4, increasing=True)
+    fitted = np.linalg.lstsq(powers, rise.T, rcond=None)[0]
+    warm = focus > focus[0]
+    share = np.ones(len(focus))
+    share[warm] = (np.vander([s * 1e-6 / REACH**2], 4, increasing=True) @ fitted)[0, warm] / fitted[0, warm]
+    share[~warm] = share[warm][0]
+    return focus[0] + (focus - focus[0]) * share
+
+
+SENSORS: dict[str, Callable[[Course, float], np.ndarray]] = {
+    "thermocouple-lag": _lag,
+    "thermocouple-position": beside,
+    "thermocouple-viscous-heating": lambda c, s: c[1] + s * (1.0 - np.exp(-c[0] / 3.0)),
+}
+"""What the thermocouple shows over the sonication."""
+
+
+def _model(place, change):
+    def applied(scene: Scene, s: float) -> None:
+        scene.model = eqx.tree_at(place, scene.model, change(place(scene.model), s))
+
+    return applied
+
+
+def _perfused(law, s):
+    return ax.Constant(law(37.0) + s * 15.2 / 1050.0, unit=law.unit, source=law.source)
+
+
+def _conducting(law, s):
+    return ax.Constant(law(37.0) * (1.0 + s), unit=law.unit, source=law.source)
+
+
+def _times(name: str, factor: Callable[[Scene, float], np.ndarray]):
+    def applied(scene: Scene, s: float) -> None:
+        setattr(scene, name, getattr(scene, name) * factor(scene, s))
+
+    return applied
+
+
+TISSUE: dict[str, Callable[[Scene, float], None]] = {
+    "perfusion": _model(lambda m: m.liver.perfusion_rate, _perfused),
+    "conductivity-change": _model(lambda m: m.liver.conductivity, _conducting),
+    "damage-law": _times("threshold", lambda c, s: np.full(len(c.time), np.exp(s))),
+    "output-drift": _times("force", lambda c, s: 1.0 + s * c.passed),
+    "cavitation": _times("force", lambda c, s: 1.0 + s / (1.0 + np.exp(-(c.temperature - 68.0) / 2.0))),
+    "lesion-stiffness-law": _times("lesion", lambda c, s: np.exp(s * 0.5 * ((c.temperature - 70.0) / 10.0) ** 2)),
+    "pre-ablation-softening": _times(
+        "liver", lambda c, s: 1.0 - s * np.exp(-0.5 * ((c.temperature - 49.0) / 4.0) ** 2)
+    ),
+    "attenuation-kinetics": _times(
+        "attenuation", lambda c, s: 1.0 + s * (1.0 - np.exp(-np.maximum(c.time - c.coagulated_at, 0.0) / 118.0))
+    ),
+}
+"""What departs from the laws of the tissue or of the sound."""
+
+TRACKING: dict[str, Callable[[np.ndarray, Scene, float], np.ndarray]] = {
+    "thermal-decorrelation": lambda u, c, s: u * (1.0 - s * c.rate / 5.0),
+    "echo-strain": lambda u, c, s: u + s * c.rate / 5.0,
+}
+"""What tracking makes of displacement relative to the first reading's."""
+
+EFFECTS = (*SENSORS, *TISSUE, *TRACKING)
+
+
+def _bump(m: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    return np.exp(-0.5 * ((m - rng.uniform(45.0, 60.0)) / 1.5) ** 2)
+
+
+def _smooth(m: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    knots = np.linspace(36.0, 84.0, 13)
+    distance = (knots[:, None] - knots[None, :]) / 5.0
+    root = np.linalg.cholesky(np.exp(-0.5 * distance**2) + 1e-9 * np.eye(13))
+    return np.interp(m, knots, root @ rng.standard_normal(13))
+
+
+UNKNOWN = {"bump": _bump, "smooth": _smooth}
+"""Changes of the logarithm of displacement that are in no list, as functions of temperature."""
