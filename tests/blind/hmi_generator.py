@@ -1,9 +1,9 @@
 """Curves of displacement with a hidden effect, and a sealed key. Shares no code with `inverse`.
 
 Sonications are simulated reading by reading with the full solid on a mesh and time steps of its own; the diagnosis uses
-a fast simulation that learnt from another mesh. Effects (`hmi_effects`) are written out as a person who knows the physics
-would: a thermocouple's lag is its differential equation, not an expansion. Constants are drawn from what is believed of them,
-for each seed, and so is the noise.
+a fast simulation that learnt from another mesh. Effects (`hmi_effects`) are written out as a person who knows the
+physics would: a thermocouple's lag is its differential equation, not an expansion. Constants are drawn from what is
+believed of them, for each seed, and so is the noise.
 
 The strength is set by d': the length of the effect on the logarithm of displacement, at that strength and on the mesh
 of the data, after projecting out the constants and a factor of each sonication, in standard deviations of the noise.
