@@ -271,6 +271,8 @@ def _reports(examined: Examined, decision: Decision, extended: FullFit | None) -
 def _report(examined: Examined, decision: Decision, extended: FullFit | None, name: str) -> CauseReport:
     extension, row = examined.extension(name), examined.row(name)
     strength = examined.linear_strengths((extension,))
+    if extension.cause.sign > 0:
+        strength = np.maximum(strength, 0.0)
     direction = examined.direction(extension)
     visible = float(visibility(direction, examined.fitted)[0])
     error = examined.size / max(float(np.linalg.norm(direction)) * visible, 1e-300)
