@@ -68,8 +68,8 @@ class Condition:
 def conditions() -> list[Condition]:
     """All of them; the place in this list fixes the seeds."""
     known = [Condition("known", name, d, "white", 1) for d in STRENGTHS for name in TESTABLE]
-    null = [Condition("null", "none", 0.0, noise, 5) for noise in NOISES]
-    unknown = [Condition("unknown", name, d, "white", 3) for d in UNKNOWN_STRENGTHS for name in blind.UNKNOWN]
+    null = [Condition("null", "none", 0.0, noise, 16) for noise in NOISES]
+    unknown = [Condition("unknown", name, d, "white", 2) for d in UNKNOWN_STRENGTHS for name in blind.UNKNOWN]
     removed = [Condition("removed", name, d, "white", 1) for d in UNKNOWN_STRENGTHS for name in TESTABLE]
     return [*known, *null, *unknown, *removed]
 

@@ -1,15 +1,15 @@
 """The next dynamic mechanical analysis: which would tell the causes apart that are still alive."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Complex, Float
 
-from arfjax import FractionalZener, InputError, complex_modulus
+from arfjax import FractionalZener, complex_modulus
 from inverse.datasets.dma import DmaData
-from inverse.design.proposals import Proposal, dma_proposals
+from inverse.design.design import Check, Design, Rated, alive
+from inverse.design.dma_proposals import DmaProposal, dma_proposals
 from inverse.design.separation import Separation, separation
 from inverse.diagnosis.cause import DmaCause, Extension, predicted_modulus
 from inverse.diagnosis.causes import DMA_CAUSES
@@ -17,55 +17,6 @@ from inverse.diagnosis.diagnosis import Diagnosis
 from inverse.diagnosis.dma_diagnosis import diagnose_dma
 from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
 from inverse.dma_fit import FRACTIONAL, ZenerModel
-
-
-@dataclasses.dataclass(frozen=True)
-class Rated:
-    """A proposal and what it would tell.
-
-    Attributes:
-        proposal: What to do.
-        separation: Of the causes, by the data that there are and those of the proposal together.
-    """
-
-    proposal: Proposal
-    separation: Separation
-
-
-@dataclasses.dataclass(frozen=True)
-class Check:
-    """The best proposal simulated with each cause in turn, and diagnosed again.
-
-    Attributes:
-        hidden: Cause that was put in.
-        verdict: Of the diagnosis.
-        named: Causes that it named.
-    """
-
-    hidden: str
-    verdict: str
-    named: tuple[str, ...]
-
-
-@dataclasses.dataclass(frozen=True)
-class Design:
-    """What to measure next.
-
-    Attributes:
-        causes: That are to be told apart, with the strengths that the data give them.
-        now: What the data tell that there are.
-        rated: Proposals, the best first.
-        checks: Of the best one, by simulation; empty if not asked for.
-        size: Standard deviation of the noise that was assumed, relative.
-        seed: Of random orders and simulations.
-    """
-
-    causes: dict[str, float]
-    now: Separation
-    rated: tuple[Rated, ...]
-    checks: tuple[Check, ...]
-    size: float
-    seed: int
 
 
 def design_dma(
@@ -97,55 +48,29 @@ def design_dma(
     if found is None:
         on_step("diagnosing")
         found = diagnose_dma(data, model=model, causes=library, seed=seed, gain=False, on_step=on_step)
-    extensions, strengths = _alive(found, causes, library)
+    extensions, strengths = alive(found, causes, library)
     assert found.noise is not None
     # Relative, as deviations that a file states say nothing of readings that are still to come.
     size = found.noise.size * float(np.median(1.0 / found.problem.weights))
     problem, _ = dma_problem(_plain(data), model, seed=seed)
     now = _separation(problem, extensions, strengths, size)
-    rated = []
+    rated: list[tuple[DmaProposal, Separation]] = []
     for proposal in dma_proposals(data, seed=seed):
         on_step(f"rating: {proposal.words}")
         together = _with(data, problem, proposal)
-        rated.append(Rated(proposal, _separation(dma_problem(together, model)[0], extensions, strengths, size)))
-    rated.sort(key=lambda one: -one.separation.worst)
+        rated.append((proposal, _separation(dma_problem(together, model)[0], extensions, strengths, size)))
+    rated.sort(key=lambda one: -one[1].worst)
     checks = []
     if check:
-        together = _with(data, problem, rated[0].proposal)
+        best = rated[0][0]
+        together = _with(data, problem, best)
         for number, (extension, strength) in enumerate(zip(extensions, strengths, strict=True)):
-            on_step(f"simulating {rated[0].proposal.name} with {extension.cause.name}")
+            on_step(f"simulating {best.name} with {extension.cause.name}")
             simulated = _simulated(together, model, extension, strength, size, seed + 1 + number)
             again = diagnose_dma(simulated, model=model, causes=library, seed=seed, gain=False)
             checks.append(Check(extension.cause.name, again.verdict, again.named))
     names = {e.cause.name: float(s) for e, s in zip(extensions, strengths, strict=True)}
-    return Design(names, now, tuple(rated), tuple(checks), size, seed)
-
-
-def _alive(
-    found: Diagnosis, wanted: Sequence[str], library: Sequence[DmaCause]
-) -> tuple[list[Extension[DmaCause]], np.ndarray]:
-    """Causes to tell apart, in the shapes and strengths that the data give them."""
-    known = {one.cause.name: one for one in found.causes}
-    for name in wanted:
-        if name not in known:
-            raise InputError(f"causes: these data cannot see '{name}'; they see {', '.join(known)}.")
-    names = list(wanted) or [
-        one.cause.name for one in found.causes if one.status in ("named", "confusable", "possible")
-    ]
-    if len(names) < 2:
-        names = list(dict.fromkeys([*names, *known]))[:2]
-    if len(names) < 2:
-        raise InputError("a design tells causes apart: these data see fewer than two.")
-    reports = [known[name] for name in names]
-    by_name = {cause.name: cause for cause in library}
-    extensions = [Extension(by_name[one.cause.name], 0.0 if one.shape is None else one.shape) for one in reports]
-    # What would be found is no smaller than what can be.
-    strengths = np.array([max(abs(one.estimate), one.detectability) * _sign(one) for one in reports])
-    return extensions, strengths
-
-
-def _sign(report) -> float:
-    return 1.0 if report.cause.sign > 0 or report.estimate >= 0.0 else -1.0
+    return Design(names, now, tuple(Rated(*one) for one in rated), tuple(checks), size, seed)
 
 
 def _separation(problem: DmaProblem, extensions, strengths, size: float) -> Separation:
@@ -155,7 +80,7 @@ def _separation(problem: DmaProblem, extensions, strengths, size: float) -> Sepa
     return separation(names, directions, strengths, problem.fitted_directions(), size)
 
 
-def _with(data: DmaData, problem: DmaProblem, proposal: Proposal) -> DmaData:
+def _with(data: DmaData, problem: DmaProblem, proposal: DmaProposal) -> DmaData:
     """Data and proposal together, the proposal's readings as the fitted model has them."""
     modulus = np.array(
         [

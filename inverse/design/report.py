@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from inverse.design.dma_design import Design
+from inverse.design.design import Design
 from inverse.design.separation import Separation
 from inverse.software import versions
 
@@ -21,11 +21,12 @@ def as_json(design: Design) -> dict[str, Any]:
                 "name": one.proposal.name,
                 "words": one.proposal.words,
                 "readings": len(one.proposal),
-                "seconds": float(one.proposal.time[-1] - one.proposal.time[0]),
+                "seconds": one.proposal.seconds,
                 **_separation(one.separation),
             }
             for one in design.rated
         ],
+        "notes": list(design.notes),
         "checks": [{"hidden": one.hidden, "verdict": one.verdict, "named": list(one.named)} for one in design.checks],
         "noise": design.size,
         "seed": design.seed,
@@ -62,6 +63,7 @@ def report(design: Design, name: str) -> str:
         "measurement, as that of drying does, counts over the longer one.",
         "",
     ]
+    lines += [line for note in design.notes for line in (note, "")]
     if design.checks:
         lines += [f"## {best.proposal.name}, simulated and diagnosed again", "", "| put in | verdict | named |"]
         lines += ["| --- | --- | --- |"]

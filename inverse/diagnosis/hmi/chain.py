@@ -9,7 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from arfjax import FastCurve, Heating, Model, StepwiseProtocol, focal_temperature_at
+from arfjax import (
+    Discretisation,
+    FastCurve,
+    Heating,
+    Model,
+    StepwiseProtocol,
+    focal_temperature_at,
+    simulate_heating,
+    stepwise_displacement,
+)
 from arfjax.laws import Scaled, Shifted, TemperatureLaw, ViscoelasticLaw
 from arfjax.media import Scalar
 from arfjax.model import DoseSize
@@ -19,6 +28,8 @@ from arfjax.thermal.dose import cumulative_equivalent_minutes
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.cause import HmiCause, HmiConditions, TissueChange, unchanged
 
+_ANY_RISE = 30.0
+"""Of the sonication that those to other temperatures are scaled from [K]."""
 _FASTEST_FALL = 1e-6
 """Part of the coldest state's displacement that a report is held above, so that its logarithm exists."""
 
@@ -32,6 +43,8 @@ class Course(eqx.Module):
         rows: Rows that the course predicts.
         places: State of each of those rows.
         in_time: Whether states are known by their time alone.
+        immune: Places of the chain that no cause can reach in these sonications, such as a thermocouple's where the
+            temperature comes from somewhere else.
     """
 
     protocol: StepwiseProtocol
@@ -39,6 +52,13 @@ class Course(eqx.Module):
     rows: Int[Array, " row"] | Int[np.ndarray, " row"]
     places: Int[Array, " row"] | Int[np.ndarray, " row"]
     in_time: bool = eqx.field(static=True)
+    immune: tuple[str, ...] = eqx.field(static=True, default=())
+
+    @property
+    def kind(self) -> tuple:
+        """What courses that are simulated by one program have in common; power is scaled to the end of each."""
+        final = self.protocol.start_temperature + _ANY_RISE
+        return dataclasses.replace(self.protocol, final_temperature=final), self.in_time, self.immune
 
 
 class Courses(eqx.Module):
@@ -47,11 +67,12 @@ class Courses(eqx.Module):
     What is compiled for one of them then serves all: it takes a third of the time for three.
 
     Attributes:
-        protocol: Of the first; the others differ in the temperature of their end.
+        protocol: Of all, but for the temperature of their end.
         conditions: Arrays by course and state.
-        course: Of each row.
-        place: State of each row in its course.
+        course: Of each row that they predict.
+        place: State of each of those rows in its course.
         in_time: Whether states are known by their time alone.
+        immune: Places of the chain that no cause can reach.
     """
 
     protocol: StepwiseProtocol
@@ -59,18 +80,18 @@ class Courses(eqx.Module):
     course: Int[Array, " row"]
     place: Int[Array, " row"]
     in_time: bool = eqx.field(static=True)
+    immune: tuple[str, ...] = eqx.field(static=True)
 
 
-def together(courses: Sequence[Course]) -> Courses:
-    """Courses as one.
-
-    Raises:
-        ValueError: if they differ in more than the temperature of their end.
-    """
-    first = courses[0].protocol
+def together(courses: Sequence[Course]) -> list[tuple[Courses, Int[np.ndarray, " row"]]]:
+    """Courses of the same kind as one, and the rows that each of those predicts."""
+    kinds: dict[tuple, list[Course]] = {}
     for course in courses:
-        if dataclasses.replace(course.protocol, final_temperature=first.final_temperature) != first:
-            raise ValueError("sonications of one diagnosis have to have the same start, duration and push.")
+        kinds.setdefault(course.kind, []).append(course)
+    return [(_stacked(members), np.concatenate([np.asarray(c.rows) for c in members])) for members in kinds.values()]
+
+
+def _stacked(courses: Sequence[Course]) -> Courses:
     count = max(len(course.conditions.temperature) for course in courses)
 
     def filled(course: Course) -> HmiConditions:
@@ -80,12 +101,11 @@ def together(courses: Sequence[Course]) -> Courses:
             course.conditions,
         )
 
-    n_rows = sum(len(course.rows) for course in courses)
-    of, place = np.zeros(n_rows, dtype=int), np.zeros(n_rows, dtype=int)
-    for number, course in enumerate(courses):
-        of[np.asarray(course.rows)], place[np.asarray(course.rows)] = number, np.asarray(course.places)
-    stacked = jax.tree.map(lambda *each: jnp.stack(each), *(filled(course) for course in courses))
-    return Courses(first, stacked, jnp.asarray(of), jnp.asarray(place), courses[0].in_time)
+    of = np.repeat(np.arange(len(courses)), [len(course.rows) for course in courses])
+    place = np.concatenate([np.asarray(course.places) for course in courses])
+    conditions = jax.tree.map(lambda *each: jnp.stack(each), *(filled(course) for course in courses))
+    protocol, in_time, immune = courses[0].kind
+    return Courses(protocol, conditions, jnp.asarray(of), jnp.asarray(place), in_time, immune)
 
 
 def log_reported(
@@ -108,6 +128,8 @@ def log_reported(
         The logarithm, and how far the farthest state lies from the middle of what the fast model was trained on:
         covered up to 1.
     """
+    reaching = [i for i, extension in enumerate(extensions) if extension.cause.place not in courses.immune]
+    extensions, strengths = [extensions[i] for i in reaching], strengths[jnp.asarray(reaching, dtype=int)]
     for extension, strength in zip(extensions, strengths, strict=True):
         model = extension.cause.model(model, strength, extension.shape)
     heating = heating_by(model, curve.heat(model, courses.protocol), courses.protocol, curve.settings)
@@ -123,17 +145,35 @@ def log_reported(
     return logarithm[courses.course, courses.place], jnp.max(excess)
 
 
+def log_simulated(model: Model, courses: Courses, settings: Discretisation) -> Float[Array, " row"]:
+    """Logarithm of the displacement for every row by the full simulation, without causes.
+
+    Args:
+        model: Constants.
+        courses: Of all sonications.
+        settings: Grids and mesh.
+    """
+    heating = simulate_heating(model, courses.protocol, settings)
+
+    def simulated(conditions: HmiConditions) -> Array:
+        nominal = reaching(heating, conditions.temperature[-1], courses.protocol.start_temperature)
+        temperature = focal_temperature_at(nominal, conditions.time) if courses.in_time else conditions.temperature
+        return jnp.log(stepwise_displacement(model, temperature, courses.protocol, settings, heating=nominal))
+
+    return jax.lax.map(simulated, courses.conditions)[courses.course, courses.place]
+
+
 def _states(
     curve, courses, conditions, heating, model, extensions, strengths
 ) -> tuple[Float[Array, " state"], Float[Array, " state"]]:
     """Displacement [m] in every state, and how far it is from the middle of what is covered."""
-    nominal = _reaching(heating, conditions.temperature[-1], courses.protocol.start_temperature)
+    nominal = reaching(heating, conditions.temperature[-1], courses.protocol.start_temperature)
     temperature = focal_temperature_at(nominal, conditions.time) if courses.in_time else conditions.temperature
     change = unchanged(len(temperature))
     for extension, strength in zip(extensions, strengths, strict=True):
         temperature = extension.cause.temperature(temperature, conditions, strength, extension.shape)
         change = extension.cause.tissue(change, conditions, model, strength, extension.shape)
-    real = _reaching(heating, temperature[-1], courses.protocol.start_temperature)
+    real = reaching(heating, temperature[-1], courses.protocol.start_temperature)
 
     def state(temperature: Array, change: TissueChange) -> tuple[Array, Array]:
         here = changed(model, change)
@@ -185,7 +225,7 @@ def _stiffened(law: ViscoelasticLaw, factor: Scalar) -> ViscoelasticLaw:
     )
 
 
-def _reaching(heating: Heating, final: Scalar, start: float) -> Heating:
+def reaching(heating: Heating, final: Scalar, start: float) -> Heating:
     """The same sonication, with as much power as takes the focus from its start to a final temperature [degC]."""
     factor = (final - start) / (heating.focal_temperature[-1] - start)
     temperature = start + factor * (heating.temperature - start)

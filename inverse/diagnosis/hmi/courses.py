@@ -12,7 +12,7 @@ from arfjax.protocols.stepwise import simulate_heating
 from arfjax.tissues import COAGULATION_WIDTH
 from inverse.datasets.hmi import HmiData
 from inverse.diagnosis.hmi.cause import HmiConditions
-from inverse.diagnosis.hmi.chain import Course
+from inverse.diagnosis.hmi.chain import Course, reaching
 from inverse.hmi_model import plan_sweeps
 from inverse.inference.hmi import SAME_TEMPERATURE_K
 
@@ -120,10 +120,13 @@ def plan_courses(
     """
     courses, time = [], rows.time.copy()
     temperature = rows.temperature.copy()
-    for sweep in plan_sweeps(data, protocol, reference_temperature):
+    sweeps = plan_sweeps(data, protocol, reference_temperature)
+    # Sonications differ in their end alone, and with it in power.
+    first = simulate_heating(model, sweeps[0].protocol, settings)
+    for sweep in sweeps:
         members = np.unique([rows.labels.index(data.sonication[row]) for row in sweep.rows])
         mine = np.flatnonzero(np.isin(rows.sonication, members))
-        heating = simulate_heating(model, sweep.protocol, settings)
+        heating = reaching(first, sweep.protocol.final_temperature, protocol.start_temperature)
         clock, focal = np.asarray(heating.time), np.asarray(heating.focal_temperature)
         if sweep.in_time:
             temperature[mine] = np.interp(time[mine], clock, focal)

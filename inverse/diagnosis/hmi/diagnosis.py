@@ -78,6 +78,34 @@ def diagnose_hmi(
             described, settings, data, seed=seed, effort=effort, discretisation=discretisation, on_step=on_step
         )
     problem = hmi_problem_of(prepared, data, described, settings, causes, program=program)
+    return diagnose_curves(
+        problem, prepared, causes=causes, level=level, seed=seed, replicates=replicates, gain=gain, on_step=on_step
+    )
+
+
+def diagnose_curves(
+    problem: HmiDiagnosisProblem,
+    prepared: PreparedHmi | None,
+    *,
+    causes: Sequence[HmiCause] = HMI_CAUSES,
+    level: float = 0.05,
+    seed: int = 0,
+    replicates: int = REPLICATES,
+    gain: bool = True,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """The same for data that have their simulation already.
+
+    Args:
+        problem: Data and simulation, `causes` among those that it holds.
+        prepared: Has the full simulation that the fast one is corrected to; None for data that the fast one made.
+        causes: The library to look in.
+        level: Probability of finding something wrong where nothing is.
+        seed: Of starts, draws and replicates.
+        replicates: Data sets of noise alone that error rates are calibrated on.
+        gain: Whether to measure the held-out gain.
+        on_step: Told what is being done.
+    """
     on_step("fitting")
     problem, null, size, audit = _fitted(prepared, problem, seed, on_step)
     account = HmiAccount(problem, null)
@@ -108,13 +136,14 @@ def _require_enough(rows: HmiRows, constants: int) -> None:
         )
 
 
-def _fitted(prepared: PreparedHmi, problem: HmiDiagnosisProblem, seed: int, on_step: Callable[[str], None]):
+def _fitted(prepared: PreparedHmi | None, problem: HmiDiagnosisProblem, seed: int, on_step: Callable[[str], None]):
     """The null fit, corrected to the full simulation where it came out; and what it says against itself."""
     white = noise_family(problem.orderings(), problem.coordinate())[0]
     size = 1.0 if problem.rows.deviation is not None else _FIRST_SIZE
     null = fit_hmi(problem, (), white, size=size)
-    on_step("full simulation where the fit is")
-    problem = dataclasses.replace(problem, correction=correction_at(prepared, problem, null.unknowns))
+    if prepared is not None:
+        on_step("full simulation where the fit is")
+        problem = dataclasses.replace(problem, correction=correction_at(prepared, problem, null.unknowns))
     if problem.rows.deviation is None:
         size = noise_size(null)
     null = fit_hmi(problem, (), white, size=size, start=null.unknowns)

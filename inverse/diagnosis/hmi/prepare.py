@@ -1,20 +1,22 @@
 """The fast simulation that a diagnosis of curves of displacement uses: it has to follow causes, not only constants."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from arfjax import Discretisation, Effort, Experiment, InputError, Model, Shifted, discretise
 from inverse.datasets.hmi import HmiData
 from inverse.diagnosis.hmi.cause import HmiCause
+from inverse.diagnosis.hmi.chain import Courses, log_simulated
 from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows, plan_courses
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem, HmiProgram
 from inverse.fast_hmi import FastHmi, prepare_fast
-from inverse.hmi_model import Sweep, plan_sweeps, predict
+from inverse.hmi_model import Sweep, plan_sweeps
 from inverse.inference.experiment import InferenceSettings, anchored, free_parameters
 from inverse.inference.parameter_set import ParameterSet
 from inverse.inference.problem import State
@@ -45,6 +47,11 @@ class PreparedHmi:
     model: Model
     parameters: ParameterSet
     fine: Discretisation
+
+    @functools.cached_property
+    def full(self) -> Callable[[Model, Courses], Array]:
+        """The full simulation, compiled once for all data."""
+        return eqx.filter_jit(lambda model, courses: log_simulated(model, courses, self.fine))
 
 
 def prepare_hmi(
@@ -145,27 +152,12 @@ def correction_at(prepared: PreparedHmi, problem: HmiDiagnosisProblem, unknowns:
         problem: Data and simulation.
         unknowns: Of the fit.
     """
-    model = jax.tree.map(jnp.asarray, problem.program.model(unknowns))
-    full = np.zeros(len(problem.rows))
-    for course in problem.program.courses:
-        conditions = course.conditions
-        states = np.unique(np.asarray(conditions.time if course.in_time else conditions.temperature))
-        sweep = Sweep(course.protocol, float(states[0]), states, course.in_time, np.arange(len(states)),
-                      np.arange(len(states)))  # fmt: skip
-        found = _full(model, sweep, prepared.fine)
-        at = np.asarray(conditions.time if course.in_time else conditions.temperature)[course.places]
-        full[course.rows] = np.log(found[np.searchsorted(states, at)])
-    difference = full - problem.program.predict(unknowns)
+    difference = problem.program.simulated(unknowns, prepared.full) - problem.program.predict(unknowns)
     # A factor of each sonication is free, so that only the course counts.
     for number in range(len(problem.rows.labels)):
         mine = problem.rows.sonication == number
         difference[mine] -= np.mean(difference[mine])
     return difference
-
-
-def _full(model: Model, sweep: Sweep, settings: Discretisation) -> np.ndarray:
-    run = eqx.filter_jit(lambda model: predict(model, (sweep,), settings, n_rows=len(sweep.states), in_percent=False))
-    return np.asarray(run(model))
 
 
 def _with_shift(model: Model) -> Model:

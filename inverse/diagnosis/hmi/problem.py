@@ -2,7 +2,7 @@
 
 import copy
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from arfjax import FastCurve
+from arfjax import FastCurve, Model
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.chain import Course, Courses, log_reported, together
@@ -86,6 +86,11 @@ class HmiProgram:
         return other
 
     @property
+    def n_rows(self) -> int:
+        """That the courses predict."""
+        return sum(len(course.rows) for course in self.courses)
+
+    @property
     def n_unknowns(self) -> int:
         """Strengths, shapes and constants."""
         return 2 * len(self.causes) + len(self.start)
@@ -118,7 +123,10 @@ class HmiProgram:
 
     def predict(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " row"]:
         """Logarithm of what is reported for every row, but for a factor of each sonication."""
-        return np.asarray(self._predict(self._stacked, jnp.asarray(unknowns))[0])
+        found = np.zeros(self.n_rows)
+        for courses, rows in self._stacked:
+            found[rows] = self._predict(courses, jnp.asarray(unknowns))[0]
+        return found
 
     def slopes(self, unknowns: Float[np.ndarray, " unknown"], which: Sequence[int]) -> Float[np.ndarray, "row which"]:
         """Derivative of the prediction in some of the unknowns."""
@@ -127,10 +135,20 @@ class HmiProgram:
             part = list(which[first : first + count])
             directions = np.zeros((count, self.n_unknowns))
             directions[np.arange(len(part)), part] = 1.0
-            found.append(
-                np.asarray(self._slopes(self._stacked, jnp.asarray(unknowns), jnp.asarray(directions)))[:, : len(part)]
-            )
+            columns = np.zeros((self.n_rows, count))
+            for courses, rows in self._stacked:
+                columns[rows] = self._slopes(courses, jnp.asarray(unknowns), jnp.asarray(directions))
+            found.append(columns[:, : len(part)])
         return np.concatenate(found, axis=1) if found else np.zeros((0, 0))
+
+    def simulated(
+        self, unknowns: Float[np.ndarray, " unknown"], full: Callable[[Model, Courses], Array]
+    ) -> Float[np.ndarray, " row"]:
+        """What a full simulation has in place of `predict`; causes are not in it."""
+        model, found = jax.tree.map(jnp.asarray, self.model(unknowns)), np.zeros(self.n_rows)
+        for courses, rows in self._stacked:
+            found[rows] = full(model, courses)
+        return found
 
     def penalties(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " penalty"]:
         """Distances of the constants from their priors' middle, in standard deviations."""
@@ -142,9 +160,9 @@ class HmiProgram:
 
     def excess(self, unknowns: Float[np.ndarray, " unknown"]) -> float:
         """How far the farthest state lies outside of what the fast model was trained on, above 1; covered up to 1."""
-        return float(self._predict(self._stacked, jnp.asarray(unknowns))[1])
+        return max(float(self._predict(courses, jnp.asarray(unknowns))[1]) for courses, _ in self._stacked)
 
-    def model(self, unknowns: Float[np.ndarray, " unknown"]):
+    def model(self, unknowns: Float[np.ndarray, " unknown"]) -> Model:
         """The model with the constants put in; causes are not in it."""
         return self._model(unknowns)
 

@@ -8,7 +8,7 @@ import pytest
 from inverse.commands.main import run
 from inverse.datasets.dma import read_dma
 from inverse.design import design_dma
-from inverse.design.proposals import dma_proposals
+from inverse.design.dma_proposals import dma_proposals
 from inverse.design.separation import separation
 from inverse.diagnosis import diagnose_dma
 from tests.blind import dma_generator as blind

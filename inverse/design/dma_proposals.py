@@ -14,7 +14,7 @@ _A_DECADE = 7
 
 
 @dataclasses.dataclass(frozen=True)
-class Proposal:
+class DmaProposal:
     """Further readings of the same sample.
 
     Attributes:
@@ -37,8 +37,13 @@ class Proposal:
         """Number of readings."""
         return len(self.frequency)
 
+    @property
+    def seconds(self) -> float:
+        """From the first of its readings to the last [s]."""
+        return float(self.time[-1] - self.time[0])
 
-def dma_proposals(data: DmaData, *, seed: int = 0) -> tuple[Proposal, ...]:
+
+def dma_proposals(data: DmaData, *, seed: int = 0) -> tuple[DmaProposal, ...]:
     """What can be done with the same instrument and sample, each about as long as what has been done.
 
     Args:
@@ -57,14 +62,14 @@ def dma_proposals(data: DmaData, *, seed: int = 0) -> tuple[Proposal, ...]:
 
     def taken(
         name: str, words: str, order: list[float], frequencies: Callable[[], Float[np.ndarray, " f"]]
-    ) -> Proposal:
+    ) -> DmaProposal:
         sets = [frequencies() for _ in order]
         spent = [np.full(len(one), pace) for one in sets]
         for one in spent:
             one[0] += pause
         clock = end + np.cumsum(np.concatenate(spent))
         each = np.repeat(np.asarray(order), [len(one) for one in sets])
-        return Proposal(name, words, np.concatenate(sets), each, clock, sample)
+        return DmaProposal(name, words, np.concatenate(sets), each, clock, sample)
 
     low, high = grid.min(), grid.max()
     between = [0.5 * (a + b) for a, b in zip(sorted(visited), sorted(visited)[1:], strict=False)]

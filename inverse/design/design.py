@@ -1,0 +1,124 @@
+"""What a design says: which causes are alive, what each further measurement would tell of them, and the proof."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from arfjax import InputError
+from inverse.design.separation import Separation
+from inverse.diagnosis.cause import AnyCause, Extension
+from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
+
+
+@runtime_checkable
+class Proposal(Protocol):
+    """Further readings that one could take."""
+
+    @property
+    def name(self) -> str:
+        """Short."""
+        ...
+
+    @property
+    def words(self) -> str:
+        """What to do."""
+        ...
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes [s]."""
+        ...
+
+    def __len__(self) -> int:
+        """Number of readings."""
+        ...
+
+
+@dataclasses.dataclass(frozen=True)
+class Rated:
+    """A proposal and what it would tell.
+
+    Attributes:
+        proposal: What to do.
+        separation: Of the causes, by the data that there are and those of the proposal together.
+    """
+
+    proposal: Proposal
+    separation: Separation
+
+
+@dataclasses.dataclass(frozen=True)
+class Check:
+    """The best proposal simulated with each cause in turn, and diagnosed again.
+
+    Attributes:
+        hidden: Cause that was put in.
+        verdict: Of the diagnosis.
+        named: Causes that it named.
+    """
+
+    hidden: str
+    verdict: str
+    named: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """What to measure next.
+
+    Attributes:
+        causes: That are to be told apart, with the strengths that the data give them.
+        now: What the data tell that there are.
+        rated: Proposals, the best first.
+        checks: Of the best one, by simulation; empty if not asked for.
+        size: Standard deviation of the noise that was assumed, relative.
+        seed: Of random orders and simulations.
+        notes: What was left out, and why.
+    """
+
+    causes: dict[str, float]
+    now: Separation
+    rated: tuple[Rated, ...]
+    checks: tuple[Check, ...]
+    size: float
+    seed: int
+    notes: tuple[str, ...] = ()
+
+
+def alive(
+    found: Diagnosis, wanted: Sequence[str], library: Sequence[AnyCause]
+) -> tuple[list[Extension[AnyCause]], Float[np.ndarray, " cause"]]:
+    """Causes to tell apart, in the shapes and strengths that the data give them.
+
+    Args:
+        found: The diagnosis.
+        wanted: Names; those that the diagnosis leaves possible, or the two likeliest, if empty.
+        library: Causes.
+
+    Raises:
+        InputError: if there are no two causes to tell apart.
+    """
+    known = {one.cause.name: one for one in found.causes}
+    for name in wanted:
+        if name not in known:
+            raise InputError(f"causes: these data cannot see '{name}'; they see {', '.join(known) or 'none'}.")
+    names = list(wanted) or [
+        one.cause.name for one in found.causes if one.status in ("named", "confusable", "possible")
+    ]
+    if len(names) < 2:
+        names = list(dict.fromkeys([*names, *known]))[:2]
+    if len(names) < 2:
+        raise InputError("a design tells causes apart: these data see fewer than two.")
+    reports = [known[name] for name in names]
+    by_name = {cause.name: cause for cause in library}
+    extensions = [Extension(by_name[one.cause.name], 0.0 if one.shape is None else one.shape) for one in reports]
+    # What would be found is no smaller than what can be.
+    strengths = np.array([max(abs(one.estimate), one.detectability) * _sign(one) for one in reports])
+    return extensions, strengths
+
+
+def _sign(report: CauseReport) -> float:
+    return 1.0 if report.cause.sign > 0 or report.estimate >= 0.0 else -1.0

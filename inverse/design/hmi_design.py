@@ -1,0 +1,201 @@
+"""The next sonication: which would tell the causes apart that curves of displacement leave alive.
+
+Every proposal is simulated with the fitted model; the derivatives of its readings in the constants and in the causes'
+strengths are exact. Its readings have the noise of those that there are, and a factor of their own.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from arfjax import Effort, Experiment, InputError
+from inverse.datasets.hmi import HmiData
+from inverse.design.design import Check, Design, Rated, alive
+from inverse.design.hmi_proposals import HmiProposal, hmi_proposals
+from inverse.design.separation import Separation, separation
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.diagnosis import Diagnosis
+from inverse.diagnosis.hmi.account import HmiAccount
+from inverse.diagnosis.hmi.cause import HmiCause
+from inverse.diagnosis.hmi.causes import HMI_CAUSES
+from inverse.diagnosis.hmi.chain import Course
+from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows, plan_courses
+from inverse.diagnosis.hmi.diagnosis import diagnose_curves, diagnose_hmi
+from inverse.diagnosis.hmi.prepare import PreparedHmi, prepare_hmi
+from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
+from inverse.inference.experiment import inference_settings
+
+_COVERED = 1.0
+_NEXT = "next"
+_Living = tuple[list[Extension[HmiCause]], Float[np.ndarray, " cause"]]
+"""Causes to tell apart, and their strengths."""
+
+
+@dataclasses.dataclass(frozen=True)
+class _Fitted:
+    """The diagnosed data, and what is to be told apart."""
+
+    problem: HmiDiagnosisProblem
+    prepared: PreparedHmi
+    reference: float
+    unknowns: Float[np.ndarray, " unknown"]
+    extensions: Sequence[Extension[HmiCause]]
+    strengths: Float[np.ndarray, " cause"]
+    size: float
+
+    @property
+    def shaped(self) -> Float[np.ndarray, " unknown"]:
+        """Unknowns of the fit without causes, the causes' second parameters as the data have them."""
+        program, at = self.problem.program, self.unknowns.copy()
+        for extension in self.extensions:
+            at[len(program.causes) + program.place(extension.cause.name)] = float(extension.shape)
+        return at
+
+
+def design_hmi(
+    data: HmiData,
+    described: Experiment,
+    *,
+    name: str = "experiment",
+    found: Diagnosis | None = None,
+    prepared: PreparedHmi | None = None,
+    causes: Sequence[str] = (),
+    library: Sequence[HmiCause] = HMI_CAUSES,
+    check: bool = True,
+    effort: Effort = Effort(),  # noqa: B008  frozen and without state
+    seed: int = 0,
+    on_step: Callable[[str], None] = lambda _: None,
+) -> Design:
+    """Rate sonications that could be made next by how well they would tell causes apart.
+
+    Args:
+        data: What was measured.
+        described: The experiment.
+        name: Of the experiment, for messages.
+        found: The diagnosis of the data, made with `library`; made here if not given.
+        prepared: The fast simulation behind it; made here if not given.
+        causes: To be told apart; those that the diagnosis leaves possible, or the two likeliest, without.
+        library: Causes.
+        check: Whether to simulate the best proposal with each cause and to diagnose it again.
+        effort: How much goes into the fast simulation, where it is made here.
+        seed: Of simulations.
+        on_step: Told what is being done.
+
+    Raises:
+        InputError: if there are no two causes to tell apart, or the fit itself failed.
+    """
+    settings = inference_settings(described, name)
+    if prepared is None:
+        prepared = prepare_hmi(described, settings, data, seed=seed, effort=effort, on_step=on_step)
+    if found is None:
+        found = diagnose_hmi(
+            data, described, name=name, causes=library, seed=seed, gain=False, prepared=prepared, on_step=on_step
+        )
+    fitted = _fitted(found, prepared, settings.reference_temperature_c, alive(found, causes, library))
+    now = _separation(fitted, None, None)
+    rated, notes = [], []
+    rows = fitted.problem.rows
+    readings = int(np.max(np.bincount(rows.sonication)))
+    hottest = float(np.max(rows.temperature))
+    for proposal in hmi_proposals(described.stepwise(), reference=fitted.reference, hottest=hottest, readings=readings):
+        on_step(f"rating: {proposal.words}")
+        courses, more = _planned(fitted, proposal)
+        if fitted.problem.program.on(courses).excess(fitted.unknowns) > _COVERED:
+            notes.append(f"Not rated, because the fast simulation does not reach so far: {proposal.words}.")
+            continue
+        rated.append((proposal, _separation(fitted, courses, more)))
+    rated.sort(key=lambda one: -one[1].worst)
+    checks = _checks(fitted, rated[0][0], library, seed, on_step) if check else ()
+    names = {e.cause.name: float(s) for e, s in zip(fitted.extensions, fitted.strengths, strict=True)}
+    return Design(names, now, tuple(Rated(*one) for one in rated), checks, fitted.size, seed, tuple(notes))
+
+
+def _fitted(found: Diagnosis, prepared: PreparedHmi, reference: float, living: _Living) -> _Fitted:
+    if found.noise is None or not isinstance(found.account, HmiAccount):
+        raise InputError(
+            "the fit of these curves failed, so that there is nothing to design by: see `arfjax diagnose`."
+        )
+    problem = found.account.problem
+    # Relative, as deviations that a file states say nothing of readings that are still to come.
+    size = found.noise.size * float(np.median(1.0 / problem.weights))
+    extensions, strengths = living
+    return _Fitted(problem, prepared, reference, found.account.null.unknowns, extensions, strengths, size)
+
+
+def _planned(fitted: _Fitted, proposal: HmiProposal) -> tuple[list[Course], HmiRows]:
+    """The proposal's sonication as the diagnosis plans those that were made."""
+    count = len(proposal)
+    blank = HmiData(
+        Path(proposal.name), (_NEXT,) * count, proposal.temperature, None, np.full(count, 100.0), True, None, ()
+    )
+    rows = hmi_rows(blank, fitted.reference)
+    settings = fitted.prepared.fast.curve.settings
+    courses, rows = plan_courses(blank, rows, fitted.prepared.model, proposal.protocol, settings, fitted.reference)
+    return [dataclasses.replace(course, immune=proposal.immune) for course in courses], rows
+
+
+def _separation(fitted: _Fitted, courses: Sequence[Course] | None, more: HmiRows | None) -> Separation:
+    """Of the causes by what was measured, and by a proposal's courses beside it; noise of one relative size."""
+    problem = fitted.problem
+    parts = [_slopes(fitted, None)]
+    factors = problem.factors
+    if courses is not None and more is not None:
+        parts.append(_slopes(fitted, courses))
+        factors = np.block([
+            [factors, np.zeros((len(factors), 1))],
+            [np.zeros((len(more), factors.shape[1])), np.ones((len(more), 1))],
+        ])  # fmt: skip
+    slopes, count = np.concatenate(parts), len(fitted.extensions)
+    names = [extension.cause.name for extension in fitted.extensions]
+    known = np.concatenate([slopes[:, count:], factors], axis=1)
+    return separation(names, slopes[:, :count], fitted.strengths, known, fitted.size)
+
+
+def _slopes(fitted: _Fitted, courses: Sequence[Course] | None) -> Float[np.ndarray, "row p"]:
+    """Derivative of the logarithm of displacement in the causes' strengths, in their units, then in the constants."""
+    program = fitted.problem.program
+    places = [program.place(extension.cause.name) for extension in fitted.extensions]
+    scales = [extension.cause.plausible for extension in fitted.extensions]
+    here = program if courses is None else program.on(courses)
+    slopes = here.slopes(fitted.shaped, [*places, *program.constants.tolist()])
+    return slopes / np.append(scales, np.ones(len(program.constants)))
+
+
+def _checks(
+    fitted: _Fitted, proposal: HmiProposal, library: Sequence[HmiCause], seed: int, on_step: Callable[[str], None]
+) -> tuple[Check, ...]:
+    """What was measured and the proposal, both simulated with each cause in turn, and diagnosed again."""
+    together, checks = _joined(fitted, proposal), []
+    for number, (extension, strength) in enumerate(zip(fitted.extensions, fitted.strengths, strict=True)):
+        hidden = extension.cause.name
+        on_step(f"simulating {proposal.name} with {hidden}")
+        unknowns = fitted.shaped
+        unknowns[together.program.place(hidden)] = strength / extension.cause.plausible
+        rng = np.random.default_rng([seed, number])
+        read = together.program.predict(unknowns) + fitted.size * rng.standard_normal(len(together.rows))
+        simulated = dataclasses.replace(together, rows=dataclasses.replace(together.rows, log_displacement=read))
+        again = diagnose_curves(simulated, None, causes=library, seed=seed, gain=False)
+        checks.append(Check(hidden, again.verdict, again.named))
+    return tuple(checks)
+
+
+def _joined(fitted: _Fitted, proposal: HmiProposal) -> HmiDiagnosisProblem:
+    """Data and proposal as one problem, without deviations."""
+    problem, rows = fitted.problem, fitted.problem.rows
+    courses, more = _planned(fitted, proposal)
+    moved = [dataclasses.replace(c, rows=np.asarray(c.rows) + len(rows)) for c in courses]
+    joined = HmiRows(
+        log_displacement=np.append(rows.log_displacement, more.log_displacement),
+        sonication=np.append(rows.sonication, more.sonication + len(rows.labels)),
+        labels=(*rows.labels, *more.labels),
+        temperature=np.append(rows.temperature, more.temperature),
+        time=np.append(rows.time, more.time),
+        is_reference=np.append(rows.is_reference, more.is_reference),
+        deviation=None,
+        file_row=np.append(rows.file_row, np.full(len(more), -1)),
+    )
+    program = problem.program.on([*problem.program.courses, *moved])
+    return HmiDiagnosisProblem(joined, program, np.zeros(len(joined)), problem.notes)

@@ -1,0 +1,88 @@
+"""Sonications that one could make next, beside those whose displacement has been measured."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+
+from arfjax import StepwiseProtocol
+
+COAGULATION = (48.0, 60.0)
+"""Between which liver coagulates in a sonication of a minute or so [degC]."""
+_BELOW_COAGULATION = 50.0
+_HOTTER = 8.0
+_HOTTEST = 90.0
+_LEAST_RISE = 5.0
+THERMOCOUPLE, TRACKING = "instruments: thermocouple", "instruments: tracking"
+"""Places of causes that another instrument does not have."""
+
+
+@dataclasses.dataclass(frozen=True)
+class HmiProposal:
+    """One more sonication.
+
+    Attributes:
+        name: Short.
+        words: What to do.
+        protocol: Of the sonication.
+        temperature: Of each reading, ascending from the reference [degC].
+        immune: Places of causes that cannot reach it.
+    """
+
+    name: str
+    words: str
+    protocol: StepwiseProtocol
+    temperature: Float[np.ndarray, " row"]
+    immune: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Number of readings."""
+        return len(self.temperature)
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes [s]."""
+        return self.protocol.duration
+
+
+def hmi_proposals(
+    protocol: StepwiseProtocol, *, reference: float, hottest: float, readings: int
+) -> tuple[HmiProposal, ...]:
+    """One sonication each, all with as many readings: another end, pace, push, place of the readings, or instrument.
+
+    Args:
+        protocol: Of the sonications that were made.
+        reference: Temperature of the first reading [degC].
+        hottest: That was reached in any [degC].
+        readings: In each.
+    """
+
+    def one(name: str, words: str, final: float = hottest, *, immune: tuple[str, ...] = (), **changed) -> HmiProposal:
+        return HmiProposal(name, words, dataclasses.replace(protocol, final_temperature=final, **changed),
+                           np.linspace(reference, final, readings), immune)  # fmt: skip
+
+    usual, push = protocol.duration, protocol.push_duration
+    found = [
+        one("again", f"one more sonication to {hottest:.0f} degC"),
+        one("slower", f"a sonication to {hottest:.0f} degC in {2.0 * usual:.0f} s instead of {usual:.0f}",
+            duration=2.0 * usual),
+        one("faster", f"a sonication to {hottest:.0f} degC in {0.5 * usual:.0f} s instead of {usual:.0f}",
+            duration=0.5 * usual),
+        one("longer-push", f"pushes of {2e3 * push:.2g} ms instead of {1e3 * push:.2g}", push_duration=2.0 * push),
+        one("shorter-push", f"pushes of {0.5e3 * push:.2g} ms instead of {1e3 * push:.2g}", push_duration=0.5 * push),
+        one("mr-thermometry", "one more sonication with magnetic resonance thermometry instead of the thermocouple",
+            immune=(THERMOCOUPLE,)),
+        one("mr-displacement", "one more sonication with displacement by magnetic resonance instead of ultrasound",
+            immune=(TRACKING,)),
+    ]  # fmt: skip
+    if hottest + _HOTTER <= _HOTTEST:
+        found.append(one("hotter", f"a sonication to {hottest + _HOTTER:.0f} degC", hottest + _HOTTER))
+    if reference + _LEAST_RISE < _BELOW_COAGULATION < hottest - _LEAST_RISE:
+        found.append(one("not-coagulating", f"a sonication that ends at {_BELOW_COAGULATION:.0f} degC",
+                         _BELOW_COAGULATION))  # fmt: skip
+    low, high = max(COAGULATION[0], reference), min(COAGULATION[1], hottest)
+    if high - low > _LEAST_RISE and readings > 1:
+        words = f"a sonication that ends at {high:.0f} degC, read from {low:.0f} degC on only"
+        dense = np.append(reference, np.linspace(low, high, readings - 1))
+        found.append(dataclasses.replace(one("around-coagulation", words, high), temperature=dense))
+    return tuple(found)

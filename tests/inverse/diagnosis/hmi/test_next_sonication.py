@@ -1,0 +1,116 @@
+"""The next sonication: that proposals are what they say, and that the rating follows from the physics of causes."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from arfjax import StepwiseProtocol
+from inverse.commands.main import run
+from inverse.design import design_hmi
+from inverse.design.hmi_proposals import THERMOCOUPLE, TRACKING, hmi_proposals
+from inverse.design.report import as_json, report
+from inverse.diagnosis.hmi.diagnosis import diagnose_hmi
+from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, curves
+
+LAG, JITTER, DRIFT = "thermocouple-lag", "tracking-jitter", "output-drift"
+
+
+def test_proposals_are_what_they_say():
+    usual = StepwiseProtocol(start_temperature=35.0, final_temperature=70.0, duration=60.0, push_duration=0.5e-3)
+    found = {one.name: one for one in hmi_proposals(usual, reference=37.0, hottest=75.0, readings=13)}
+    for one in found.values():
+        assert len(one) == 13 and one.temperature[0] == 37.0 and np.all(np.diff(one.temperature) > 0.0)
+        assert one.temperature[-1] == one.protocol.final_temperature
+    assert found["again"].protocol == dataclasses.replace(usual, final_temperature=75.0)
+    assert found["slower"].protocol.duration == 120.0 and found["faster"].seconds == 30.0
+    assert found["longer-push"].protocol.push_duration == 1e-3 == 4.0 * found["shorter-push"].protocol.push_duration
+    assert found["hotter"].temperature[-1] == 83.0 and found["not-coagulating"].temperature[-1] == 50.0
+    assert found["around-coagulation"].temperature[1] == 48.0 and found["around-coagulation"].temperature[-1] == 60.0
+    assert found["mr-thermometry"].immune == (THERMOCOUPLE,) and found["mr-displacement"].immune == (TRACKING,)
+
+
+def test_nothing_is_proposed_that_the_protocol_does_not_allow():
+    usual = StepwiseProtocol(start_temperature=35.0, final_temperature=48.0)
+    names = {one.name for one in hmi_proposals(usual, reference=37.0, hottest=48.0, readings=6)}
+    assert "not-coagulating" not in names and "around-coagulation" not in names
+    names = {one.name for one in hmi_proposals(usual, reference=37.0, hottest=85.0, readings=6)}
+    assert "hotter" not in names
+
+
+def test_places_of_immune_causes_exist(problem):
+    places = {cause.place for cause in problem.program.causes}
+    assert {THERMOCOUPLE, TRACKING} <= places
+
+
+def test_another_instrument_does_not_have_the_faults_of_the_first(problem):
+    program = problem.program
+    immune = [dataclasses.replace(course, immune=(THERMOCOUPLE,)) for course in program.courses]
+    both = [program.courses[0], dataclasses.replace(immune[1], rows=np.asarray(immune[1].rows))]
+    none, lagging, drifting = program.null(), program.null(), program.null()
+    lagging[program.place(LAG)], drifting[program.place(DRIFT)] = 1.0, 0.1
+    other = program.on(both)
+    first = np.asarray(program.courses[0].rows)
+    second = np.asarray(program.courses[1].rows)
+    np.testing.assert_allclose(other.predict(none), program.predict(none), rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(other.predict(drifting), program.predict(drifting), rtol=0.0, atol=1e-12)
+    moved = other.predict(lagging) - other.predict(none)
+    np.testing.assert_allclose(moved[first], (program.predict(lagging) - program.predict(none))[first], atol=1e-12)
+    np.testing.assert_allclose(moved[second], 0.0, atol=1e-12)
+    assert np.max(np.abs((program.predict(lagging) - program.predict(none))[second])) > 1e-3
+
+
+@pytest.fixture(scope="module")
+def drifting(problem):
+    unknowns = problem.program.null()
+    unknowns[problem.program.place(DRIFT)] = 0.15
+    percent = 100.0 * np.exp(problem.program.predict(unknowns))
+    first = np.isin(np.arange(len(percent)), [0, len(TEMPERATURES) // 2])
+    percent = percent / np.repeat(percent[first], len(TEMPERATURES) // 2)
+    noise = 0.005 * np.random.default_rng(5).standard_normal(len(percent))
+    return curves(percent * np.exp(np.where(first, 0.0, noise)))
+
+
+@pytest.fixture(scope="module")
+def found(drifting, described, prepared):
+    return diagnose_hmi(drifting, described, gain=False, seed=1, prepared=prepared)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_more_data_never_separate_worse_and_another_thermometer_tells_its_faults_from_the_tissue(
+    drifting, described, prepared, found
+):
+    told = design_hmi(drifting, described, found=found, prepared=prepared, causes=(LAG, DRIFT), check=False, seed=2)
+    rated = {one.proposal.name: one.separation for one in told.rated}
+    for one in rated.values():
+        # The same readings and more: what is left of a cause after the constants are taken off cannot become shorter.
+        assert np.all(one.d_prime > (1.0 - 1e-6) * told.now.d_prime)
+    # A thermometer that does not lag says how the curve runs without it.
+    lag = told.now.names.index(LAG)
+    assert rated["mr-thermometry"].d_prime[lag] > rated["again"].d_prime[lag]
+    # A drift counts in time, all else in temperature.
+    drift = told.now.names.index(DRIFT)
+    assert max(rated["slower"].d_prime[drift], rated["faster"].d_prime[drift]) > rated["again"].d_prime[drift]
+    content = as_json(told)
+    assert content["proposals"][0]["words"] in report(told, "drifting.csv")
+    json.dumps(content, allow_nan=False)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_what_the_best_sonication_promises_is_kept(drifting, described, prepared, found):
+    told = design_hmi(drifting, described, found=found, prepared=prepared, causes=(LAG, DRIFT), seed=2)
+    assert [one.hidden for one in told.checks] == [LAG, DRIFT]
+    for one, other in zip(told.checks, (DRIFT, LAG), strict=True):
+        assert one.verdict != "adequate" and one.named != (other,)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [(["--hmi", "curves.csv"], "experiment file"), ([], "--dma FILE"), (["--dma", "a", "--hmi", "b"], "--dma FILE")],
+)
+def test_command_asks_for_what_it_needs(arguments, told, capsys, tmp_path):
+    assert run(["design", *arguments, "--out", str(tmp_path / "out")]) == 2
+    assert told in capsys.readouterr().err and not (tmp_path / "out").exists()
