@@ -51,8 +51,11 @@ benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
 	$(BIN)/python -m benchmarks.inference --out results/benchmarks/inference.json
 	$(BIN)/python -m benchmarks.thermal --out results/benchmarks/thermal.json
 
-operating-characteristic: $(VENV)/.run  ## docs/operating_characteristic.md, in an hour; goes on where it was stopped
+operating-characteristic: $(VENV)/.run  ## docs/operating_characteristic.md, in two hours; goes on where it was stopped
 	$(BIN)/python -m benchmarks.diagnosis --out results/benchmarks/diagnosis.jsonl --docs docs
+
+operating-characteristic-hmi: $(VENV)/.run  ## the same for displacement, in two hours
+	$(BIN)/python -m benchmarks.diagnosis_hmi --out results/benchmarks/diagnosis_hmi.jsonl --docs docs
 
 calibration: $(VENV)/.run  ## docs/calibration.md, in three quarters of an hour; goes on where it was stopped
 	$(BIN)/python -m benchmarks.calibration --out results/benchmarks/calibration.json --docs docs

@@ -1,8 +1,8 @@
 """How often the diagnosis is right: detection, attribution and false alarms on data sets with hidden effects.
 
 python -m benchmarks.diagnosis --quick                       # minutes
-python -m benchmarks.diagnosis --sets 20 --docs docs         # goes on where it was stopped; table and figure into docs
-python -m benchmarks.diagnosis --sets 20 --workers 8         # by eight processes at once
+python -m benchmarks.diagnosis --docs docs                   # goes on where it was stopped; table and figure into docs
+python -m benchmarks.diagnosis --workers 8                   # by eight processes at once
 
 The data come from `tests/blind`, which shares no code with the package, on seeds that chose no threshold
 (`--development` takes the others). Every data set is one line of `--out`, so that a run can be stopped at any time;
@@ -13,7 +13,6 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import argparse
 import dataclasses
 import json
 import platform
@@ -27,8 +26,8 @@ import numpy as np
 import arfjax as ax
 from benchmarks.diagnosis_docs import DMA_STUDY, write_docs
 from benchmarks.diagnosis_limits import dma_design, limits, removed_limits
+from benchmarks.diagnosis_record import arguments, recorded, stamp
 from benchmarks.diagnosis_summary import summarise
-from benchmarks.spread import spread
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.dma_examination import examine_dma
@@ -42,6 +41,10 @@ NOISES = ("white", "tails", "correlated-0.3", "correlated-0.6", "loud")
 STRENGTHS = (3.0, 4.5, 6.0)
 UNKNOWN_STRENGTHS = (5.0, 9.0)
 QUICK_SETS = 2
+NULL_SETS = 16
+"""In a round without an effect: a false alarm takes many sets to count and little time each."""
+SOURCES = ("inverse/diagnosis/*.py", "inverse/diagnosis/causes/*.py", "tests/blind/dma_generator.py")
+"""Code that a record depends on; what it is built upon changes seldom, and says so in CHANGELOG.md."""
 _SEEDS_A_CONDITION = 1000
 _DEVELOPMENT_SEEDS_A_CONDITION = 200
 
@@ -68,7 +71,7 @@ class Condition:
 def conditions() -> list[Condition]:
     """All of them; the place in this list fixes the seeds."""
     known = [Condition("known", name, d, "white", 1) for d in STRENGTHS for name in TESTABLE]
-    null = [Condition("null", "none", 0.0, noise, 16) for noise in NOISES]
+    null = [Condition("null", "none", 0.0, noise, NULL_SETS) for noise in NOISES]
     unknown = [Condition("unknown", name, d, "white", 2) for d in UNKNOWN_STRENGTHS for name in blind.UNKNOWN]
     removed = [Condition("removed", name, d, "white", 1) for d in UNKNOWN_STRENGTHS for name in TESTABLE]
     return [*known, *null, *unknown, *removed]
@@ -131,41 +134,24 @@ def _seed(place: int, number: int, development: bool) -> int:
     return blind.TEST_SEEDS + 100_000 + _SEEDS_A_CONDITION * place + number
 
 
-def missing(known: list[Condition], sets: int, done: set, development: bool) -> list[tuple[Condition, int]]:
-    """Data sets that are to do, a round of all conditions after the other."""
-    todo = []
-    for number in range(sets):
-        for place, condition in enumerate(known):
-            for part in range(condition.share):
-                seed = _seed(place, number * condition.share + part, development)
-                if (condition.part, seed) not in done:
-                    todo.append((condition, seed))
-    return todo
+def planned(sets: int, development: bool) -> list[tuple[Condition, int]]:
+    """Conditions and seeds, a round of all conditions after the other."""
+    return [
+        (condition, _seed(place, number * condition.share + part, development))
+        for number in range(sets)
+        for place, condition in enumerate(conditions())
+        for part in range(condition.share)
+    ]
 
 
 def main() -> None:
     """Measure, sum up and write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results/benchmarks/diagnosis.jsonl"))
-    parser.add_argument("--sets", type=int, default=20, help="rounds: sets of each known effect")
+    parser = arguments(__doc__, out="diagnosis.jsonl", sets=25)
     parser.add_argument("--quick", action="store_true", help=f"{QUICK_SETS} rounds")
-    parser.add_argument("--only", default="", help="part of the study: known, null, unknown or removed")
-    parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so long")
-    parser.add_argument("--workers", type=int, default=1, help="processes")
-    parser.add_argument("--development", action="store_true", help="seeds on which things may be tried")
-    parser.add_argument("--docs", type=Path, help="folder for the table and the figure")
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    lines = [json.loads(row) for row in given.out.read_text().splitlines()] if given.out.exists() else []
     sets = QUICK_SETS if given.quick else given.sets
-    todo = missing(conditions(), sets, {(line["part"], line["seed"]) for line in lines}, given.development)
-    todo = [one for one in todo if given.only in ("", one[0].part)]
-    with given.out.open("a") as record:
-        for line in spread(one_set, todo, workers=given.workers, minutes=given.minutes):
-            lines.append(line)
-            record.write(json.dumps(line) + "\n")
-            record.flush()
+    lines = recorded(one_set, planned(sets, given.development), given, stamp(SOURCES))
 
     def quiet(name: str, d_prime: float) -> tuple[DmaProblem, float]:
         hidden = {"name": name, "d_prime": d_prime, "noise": "none"}

@@ -12,7 +12,6 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import argparse
 import dataclasses
 import functools
 import json
@@ -27,8 +26,8 @@ import numpy as np
 import arfjax as ax
 from benchmarks.diagnosis_docs import HMI_STUDY, write_docs
 from benchmarks.diagnosis_limits import Design, limits, visible
+from benchmarks.diagnosis_record import arguments, recorded, stamp
 from benchmarks.diagnosis_summary import summarise
-from benchmarks.spread import spread
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.datasets.shipped import shipped
 from inverse.diagnosis import HMI_CAUSES, Diagnosis, diagnose_hmi
@@ -44,7 +43,13 @@ NOISES = ("white", "tails", "correlated-0.3", "correlated-0.6", "loud")
 STRENGTHS = (4.5, 6.0)
 TRUE_SHAPES = {"cavitation": 68.0, "pre-ablation-softening": 49.0, "thermocouple-viscous-heating": 3.0}
 """What the generator has where a cause has a second parameter."""
-_SEEDS_A_CONDITION = 1000
+SOURCES = (
+    "inverse/diagnosis/*.py",
+    "inverse/diagnosis/hmi/*.py",
+    "inverse/diagnosis/hmi/causes/*.py",
+    "tests/blind/hmi_*.py",
+)
+"""Code that a record depends on."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,38 +174,26 @@ def one_set(condition: Condition, seed: int, bench: Bench | None = None) -> dict
     return line
 
 
+def planned(sets: int, development: bool) -> list[tuple[Condition, int]]:
+    """Conditions and seeds, a round of all conditions after the other."""
+    first, each = (200, 100) if development else (blind.TEST_SEEDS + 100_000, 1000)
+    return [
+        (condition, first + each * place + number)
+        for number in range(sets)
+        for place, condition in enumerate(conditions())
+    ]
+
+
 def main() -> None:
     """Measure and sum up."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results/benchmarks/diagnosis_hmi.jsonl"))
-    parser.add_argument("--sets", type=int, default=1, help="rounds: sets of each condition")
-    parser.add_argument("--only", default="", help="part of the study: known, null, unknown or removed")
-    parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so long")
-    parser.add_argument("--workers", type=int, default=1, help="processes")
-    parser.add_argument("--development", action="store_true", help="seeds on which things may be tried")
-    parser.add_argument("--docs", type=Path, help="folder for the table and the figure")
-    given = parser.parse_args()
+    given = arguments(__doc__, out="diagnosis_hmi.jsonl", sets=1).parse_args()
     jax.config.update("jax_enable_x64", True)
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    lines = [json.loads(row) for row in given.out.read_text().splitlines()] if given.out.exists() else []
-    done = {(line["part"], line["seed"]) for line in lines}
-    first = 200 if given.development else blind.TEST_SEEDS + 100_000
-    todo = [
-        (condition, first + (100 if given.development else _SEEDS_A_CONDITION) * place + number)
-        for number in range(given.sets)
-        for place, condition in enumerate(conditions())
-        if given.only in ("", condition.part)
-    ]
-    todo = [one for one in todo if (one[0].part, one[1]) not in done]
-    with given.out.open("a") as record:
-        for line in spread(one_set, todo, workers=given.workers, minutes=given.minutes):
-            lines.append(line)
-            record.write(json.dumps(line) + "\n")
-            record.flush()
+    todo = planned(given.sets, given.development)
+    lines = recorded(one_set, todo, given, stamp(SOURCES))
     summary = {
         "benchmark": "diagnosis_hmi",
         "seeds": "development" if given.development else "test",
-        **summarise(lines, limits([design(prepared_bench(), first - 1)], STRENGTHS)),
+        **summarise(lines, limits([design(prepared_bench(), todo[0][1] - 1)], STRENGTHS)),
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }
     given.out.with_suffix(".json").write_text(json.dumps(summary, indent=2) + "\n")

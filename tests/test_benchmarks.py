@@ -6,8 +6,9 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import acoustics, diagnosis, inference, mechanics, protocols
+from benchmarks import acoustics, diagnosis, diagnosis_hmi, inference, mechanics, protocols
 from benchmarks.diagnosis_docs import DMA_STUDY, HMI_STUDY, write_docs
+from benchmarks.diagnosis_record import arguments, recorded, stamp
 from benchmarks.diagnosis_summary import rate, summarise
 
 
@@ -75,23 +76,36 @@ def test_benchmark_of_the_diagnosis_goes_on_where_it_stopped(tmp_path, monkeypat
     out = tmp_path / "diagnosis.jsonl"
     given = ["diagnosis", "--out", str(out), "--docs", str(tmp_path / "docs"), "--only", "null", "--development"]
     monkeypatch.setattr(diagnosis, "NOISES", ("white",))
+    monkeypatch.setattr(diagnosis, "NULL_SETS", 2)
     for count in (1, 2):
         monkeypatch.setattr(sys, "argv", [*given, "--sets", str(count)])
         diagnosis.main()
         lines = [json.loads(row) for row in out.read_text().splitlines()]
-        assert len(lines) == len({line["seed"] for line in lines}) == 5 * count
+        assert len(lines) == len({line["seed"] for line in lines}) == 2 * count
     found = json.loads(out.with_suffix(".json").read_text())
-    assert found["null"]["white"]["sets"] == 10 and found["seeds"] == "development"
+    assert found["null"]["white"]["sets"] == 4 and found["seeds"] == "development"
     assert (tmp_path / "docs" / DMA_STUDY.picture).exists()
 
 
 def test_seeds_of_development_and_test_are_disjoint_and_no_two_sets_share_one():
-    known = diagnosis.conditions()
-    for development in (True, False):
-        todo = diagnosis.missing(known, 20, set(), development)
-        seeds = {seed for _, seed in todo}
-        assert len(seeds) == len(todo) > 1000
-        assert (max(seeds) < diagnosis.blind.TEST_SEEDS) == development
+    for study, rounds in ((diagnosis, (12, 25)), (diagnosis_hmi, (20, 25))):
+        for development, sets in zip((True, False), rounds, strict=True):
+            todo = study.planned(sets, development)
+            seeds = {seed for _, seed in todo}
+            assert len(seeds) == len(todo) > 800
+            assert (max(seeds) < study.blind.TEST_SEEDS) == development
+
+
+def test_records_of_other_code_are_refused(tmp_path):
+    (tmp_path / "new.txt").write_text("new")
+    given = arguments("", out="any.jsonl", sets=1).parse_args(["--out", str(tmp_path / "some.jsonl")])
+    todo = [(diagnosis.Condition("null", "none", 0.0, "white", 1), 5)]
+    made = recorded(lambda condition, seed: {"part": condition.part, "seed": seed}, todo, given, "this")
+    assert made == [{"part": "null", "seed": 5, "stamp": "this"}]
+    assert recorded(lambda *_: pytest.fail("it was done"), todo, given, "this") == made
+    with pytest.raises(SystemExit, match="1 of 1 lines were made by other code"):
+        recorded(lambda *_: {}, todo, given, "that")
+    assert stamp(["tests/test_benchmarks.py"]) != stamp(["tests/test_benchmarks.py", "benchmarks/spread.py"])
 
 
 def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_path):

@@ -1,0 +1,80 @@
+"""The record of a study of the diagnosis: a line of JSON for every data set, so that a study goes on where it stopped.
+
+Every line has the stamp of the code that made it, and lines of other code are refused: rates of two codes are rates of
+none.
+"""
+
+import argparse
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.spread import spread
+
+ROOT = Path(__file__).parents[1]
+
+
+def stamp(patterns: Sequence[str]) -> str:
+    """Of all files that patterns below the repository's root match: changes with any of them."""
+    found = hashlib.sha256()
+    for path in sorted({path for pattern in patterns for path in ROOT.glob(pattern)}):
+        found.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return found.hexdigest()[:12]
+
+
+def arguments(description: str | None, *, out: str, sets: int) -> argparse.ArgumentParser:
+    """What every study is asked for.
+
+    Args:
+        description: Of the study.
+        out: Record, below the folder that it is run in.
+        sets: Rounds, if not said.
+    """
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("results/benchmarks") / out)
+    parser.add_argument("--sets", type=int, default=sets, help="rounds: sets of each condition")
+    parser.add_argument("--only", default="", help="part of the study: known, null, unknown or removed")
+    parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so long")
+    parser.add_argument("--workers", type=int, default=1, help="processes")
+    parser.add_argument("--development", action="store_true", help="seeds on which things may be tried")
+    parser.add_argument("--docs", type=Path, help="folder for the table and the figure")
+    return parser
+
+
+def recorded(
+    work: Callable[..., dict[str, Any]],
+    todo: Iterable[tuple[Any, int]],
+    given: argparse.Namespace,
+    made_by: str,
+) -> list[dict[str, Any]]:
+    """Lines of the record, those that were missing added.
+
+    Args:
+        work: Makes the line of one condition and seed.
+        todo: Conditions and seeds, those that are done already among them.
+        given: What `arguments` read.
+        made_by: Stamp of the code.
+
+    Raises:
+        SystemExit: if lines were made by other code.
+    """
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    lines = [json.loads(row) for row in given.out.read_text().splitlines()] if given.out.exists() else []
+    others = sum(line.get("stamp") != made_by for line in lines)
+    if others:
+        raise SystemExit(
+            f"{given.out}: {others} of {len(lines)} lines were made by other code than this ({made_by}); put the file "
+            "away, or give another one as --out."
+        )
+    done = {(line["part"], line["seed"]) for line in lines}
+    missing = [one for one in todo if given.only in ("", one[0].part) and (one[0].part, one[1]) not in done]
+    with given.out.open("a") as record:
+        for line in spread(work, missing, workers=given.workers, minutes=given.minutes):
+            lines.append(line | {"stamp": made_by})
+            record.write(json.dumps(lines[-1]) + "\n")
+            record.flush()
+    return lines
