@@ -65,11 +65,11 @@ class Condition:
 
 def conditions() -> list[Condition]:
     """All of them; the place in this list fixes the seeds."""
-    known = [Condition("known", name, d) for d in STRENGTHS for name in blind.EFFECTS]
+    weak, strong = ([Condition("known", name, d) for name in blind.EFFECTS] for d in STRENGTHS)
     null = [Condition("null", "none", 0.0, noise) for noise in NOISES]
     unknown = [Condition("unknown", name, 9.0) for name in blind.UNKNOWN]
     removed = [Condition("removed", name, 9.0) for name in blind.EFFECTS]
-    return [*known, *null, *unknown, *removed]
+    return [*weak, *null, *unknown, *strong, *removed]
 
 
 @dataclasses.dataclass(frozen=True)
