@@ -13,6 +13,8 @@ from arfjax import Model
 from inverse.diagnosis.cause import Cause, Strength
 
 States = Float[Array, " state"]
+OFF_AXIS_REACH = 2e-3
+"""Distance from the axis up to which the fall of temperature is known [m]."""
 
 
 class HmiConditions(eqx.Module):
@@ -25,8 +27,8 @@ class HmiConditions(eqx.Module):
         rise_rate: Of the temperature at the focus [K/s].
         coagulated: Part of the tissue at the focus that had coagulated, 0 to 1.
         since_coagulation: Time since half of it had [s]; 0 before.
-        off_axis_drop: Part of the rise of temperature that is missing beside the axis, over the distance squared, for
-            small distances [1/m^2].
+        off_axis_fall: Logarithm of the rise of temperature on the axis over that beside it, as a polynomial of the
+            distance squared without a constant [1/m^2, 1/m^4, 1/m^6], as far out as `OFF_AXIS_REACH`.
         is_reference: Whether it is the reading that a curve in percent was divided by.
         start_temperature: Of the sonication [degC].
         push_duration: [s].
@@ -38,7 +40,7 @@ class HmiConditions(eqx.Module):
     rise_rate: States
     coagulated: States
     since_coagulation: States
-    off_axis_drop: States
+    off_axis_fall: Float[Array, "state 3"]
     is_reference: Bool[Array, " state"]
     start_temperature: Float[Array, ""]
     push_duration: Float[Array, ""]

@@ -11,13 +11,15 @@ from arfjax.laws import LETHAL_DOSE_MINUTES, coagulated_fraction
 from arfjax.protocols.stepwise import simulate_heating
 from arfjax.tissues import COAGULATION_WIDTH
 from inverse.datasets.hmi import HmiData
-from inverse.diagnosis.hmi.cause import HmiConditions
+from inverse.diagnosis.hmi.cause import OFF_AXIS_REACH, HmiConditions
 from inverse.diagnosis.hmi.chain import Course, reaching
 from inverse.hmi_model import plan_sweeps
 from inverse.inference.hmi import SAME_TEMPERATURE_K
 
-_BESIDE = 1e-3
-"""Distance from the axis within which the temperature falls with its square [m]."""
+_LEAST_RISE = 1e-6
+"""Taken instead of less, so that it has a logarithm [K]."""
+_FALL_TERMS = 3
+"""Terms of the fall of temperature beside the axis: within 1e-3 of the rise from the first seconds on."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,7 +153,7 @@ def _conditions(
     at_focus = dose[:, 0, z]
     lethal = float(np.interp(_log(LETHAL_DOSE_MINUTES), _log(at_focus), clock, right=np.inf))
     share = np.asarray(coagulated_fraction(jnp.asarray(at_focus), LETHAL_DOSE_MINUTES, width=COAGULATION_WIDTH))
-    drop = _off_axis_drop(heating, protocol, settings, z)
+    fall = _off_axis_fall(heating, protocol, settings, z)
     return HmiConditions(
         temperature=jnp.asarray(temperature),
         time=jnp.asarray(time),
@@ -159,7 +161,7 @@ def _conditions(
         rise_rate=jnp.asarray(np.interp(time, clock, np.gradient(focal, clock))),
         coagulated=jnp.asarray(np.interp(time, clock, share)),
         since_coagulation=jnp.asarray(np.maximum(time - lethal, 0.0)),
-        off_axis_drop=jnp.asarray(np.interp(time, clock, drop)),
+        off_axis_fall=jnp.asarray(np.stack([np.interp(time, clock, one) for one in fall.T], axis=-1)),
         is_reference=jnp.asarray(reference > 0.5),
         start_temperature=jnp.asarray(protocol.start_temperature),
         push_duration=jnp.asarray(protocol.push_duration),
@@ -171,13 +173,14 @@ def _log(dose):
     return np.log(np.maximum(dose, 1e-30))
 
 
-def _off_axis_drop(
+def _off_axis_fall(
     heating: Heating, protocol: StepwiseProtocol, settings: Discretisation, z: int
-) -> Float[np.ndarray, " time"]:
-    """Curvature of the rise across the axis by least squares over the cells beside it, relative to the rise [1/m^2]."""
+) -> Float[np.ndarray, "time 3"]:
+    """Logarithm of the rise on the axis over that beside it, by least squares over the cells of the grid."""
     r = np.asarray(settings.heat_grid.r)
-    beside = r < _BESIDE
-    rise = np.asarray(heating.temperature)[:, beside, z] - protocol.start_temperature
-    fit = np.polynomial.polynomial.polyfit(r[beside] ** 2, rise.T, 1)
-    drop = -fit[1][1:] / fit[0][1:]
-    return np.append(drop[:1], drop)
+    near = r < OFF_AXIS_REACH
+    rise = np.asarray(heating.temperature)[1:, near, z] - protocol.start_temperature
+    powers = np.vander((r[near] / OFF_AXIS_REACH) ** 2, _FALL_TERMS + 1, increasing=True)
+    fit = np.linalg.lstsq(powers, np.log(np.maximum(rise, _LEAST_RISE)).T, rcond=None)[0]
+    fall = -fit[1:].T / OFF_AXIS_REACH ** (2.0 * np.arange(1, _FALL_TERMS + 1))
+    return np.concatenate([fall[:1], fall])

@@ -1,7 +1,9 @@
 """Thermocouple beside the focus."""
 
+import jax.numpy as jnp
+
 from inverse.diagnosis.cause import Strength
-from inverse.diagnosis.hmi.cause import HmiCause, HmiConditions, States
+from inverse.diagnosis.hmi.cause import OFF_AXIS_REACH, HmiCause, HmiConditions, States
 
 
 class ThermocouplePosition(HmiCause):
@@ -16,12 +18,14 @@ class ThermocouplePosition(HmiCause):
         "The thermocouple lies beside the axis, where it is cooler, the more so the shorter the sonication has lasted."
     )
     helps = "A second sensor, an image of the wire, or a scan of the focus across it."
-    source = "Temperature falls with the square of a small distance; scale assumed: half a millimetre"
+    source = "Profile of the simulated temperature across the axis; scale assumed: half a millimetre"
 
     def temperature(
         self, temperature: States, conditions: HmiConditions, strength: Strength, shape: Strength
     ) -> States:
         """The rise at the focus from that beside it."""
         del shape
-        lost = 1e-6 * strength * conditions.off_axis_drop
-        return conditions.start_temperature + (temperature - conditions.start_temperature) * (1.0 + lost)
+        # Farther out it is held: nothing is known of the temperature there.
+        square = 1e-6 * jnp.minimum(strength, 1e6 * OFF_AXIS_REACH**2)
+        fall = conditions.off_axis_fall @ jnp.stack([square, square**2, square**3])
+        return conditions.start_temperature + (temperature - conditions.start_temperature) * jnp.exp(fall)
