@@ -24,7 +24,7 @@ from inverse.diagnosis.hmi.causes import HMI_CAUSES
 from inverse.diagnosis.hmi.chain import Course
 from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows, plan_courses
 from inverse.diagnosis.hmi.diagnosis import diagnose_curves, diagnose_hmi
-from inverse.diagnosis.hmi.prepare import PreparedHmi, prepare_hmi
+from inverse.diagnosis.hmi.prepare import LEARNT, PreparedHmi, prepare_hmi
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.inference.experiment import inference_settings
 
@@ -65,7 +65,7 @@ def design_hmi(
     causes: Sequence[str] = (),
     library: Sequence[HmiCause] = HMI_CAUSES,
     check: bool = True,
-    effort: Effort = Effort(),  # noqa: B008  frozen and without state
+    effort: Effort = LEARNT,
     seed: int = 0,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Design:

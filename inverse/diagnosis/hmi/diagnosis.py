@@ -17,7 +17,14 @@ from inverse.diagnosis.hmi.causes import HMI_CAUSES
 from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows
 from inverse.diagnosis.hmi.examination import examine_hmi, noise_size
 from inverse.diagnosis.hmi.gain import held_out_gain_hmi
-from inverse.diagnosis.hmi.prepare import PreparedHmi, correction_at, free_constants, hmi_problem_of, prepare_hmi
+from inverse.diagnosis.hmi.prepare import (
+    LEARNT,
+    PreparedHmi,
+    correction_at,
+    free_constants,
+    hmi_problem_of,
+    prepare_hmi,
+)
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem, HmiProgram
 from inverse.diagnosis.hmi.refit import HmiFit, fit_hmi
 from inverse.diagnosis.noise import Noise, noise_family
@@ -42,7 +49,7 @@ def diagnose_hmi(
     seed: int = 0,
     replicates: int = REPLICATES,
     gain: bool = True,
-    effort: Effort = Effort(),  # noqa: B008  frozen and without state
+    effort: Effort = LEARNT,
     discretisation: Discretisation | None = None,
     prepared: PreparedHmi | None = None,
     program: HmiProgram | None = None,
