@@ -128,8 +128,8 @@ def log_reported(
         The logarithm, and how far the farthest state lies from the middle of what the fast model was trained on:
         covered up to 1.
     """
-    reaching = [i for i, extension in enumerate(extensions) if extension.cause.place not in courses.immune]
-    extensions, strengths = [extensions[i] for i in reaching], strengths[jnp.asarray(reaching, dtype=int)]
+    acting = [i for i, extension in enumerate(extensions) if extension.cause.place not in courses.immune]
+    extensions, strengths = [extensions[i] for i in acting], strengths[jnp.asarray(acting, dtype=int)]
     for extension, strength in zip(extensions, strengths, strict=True):
         model = extension.cause.model(model, strength, extension.shape)
     heating = heating_by(model, curve.heat(model, courses.protocol), courses.protocol, curve.settings)
