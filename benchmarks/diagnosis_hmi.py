@@ -44,6 +44,8 @@ STRENGTHS = (4.5, 6.0)
 TRUE_SHAPES = {"cavitation": 68.0, "pre-ablation-softening": 49.0, "thermocouple-viscous-heating": 3.0}
 """What the generator has where a cause has a second parameter."""
 SOURCES = (
+    "arfjax/protocols/fast_*.py",
+    "inverse/fast_hmi.py",
     "inverse/diagnosis/*.py",
     "inverse/diagnosis/hmi/*.py",
     "inverse/diagnosis/hmi/causes/*.py",

@@ -14,7 +14,7 @@ from arfjax.mechanics.reduced.basis import Shapes, reduced_force, with_points
 from arfjax.mechanics.reduced.solid import ReducedSolid
 from arfjax.model import Model
 from arfjax.protocols.discretisation import Discretisation, discretise
-from arfjax.protocols.fast_curve import Box, FastCurve, features, same_sound
+from arfjax.protocols.fast_curve import FEATURES, Box, FastCurve, features, same_sound
 from arfjax.protocols.fast_training import push_of, seen, shapes_of
 from arfjax.protocols.sound_table import (
     FieldTable,
@@ -31,6 +31,11 @@ OnStep = Callable[[str, int, int], None]
 
 _SMALLEST_HALF = np.array([0.02, 1.0] + 6 * [0.02] + 2 * [2e-4] + [5e-4])
 """Half widths of the box below which shapes do not notice, in the units of the features."""
+_LENGTH, _DIAMETER = (FEATURES.index(f"lesion's {size} [m]") for size in ("length", "diameter"))
+_ABSENT = -1.5
+"""Where a state without a lesion lies in the box's coordinates of a lesion, -1 to 1."""
+_SMALLEST_SIZE = 0.03
+"""Of the largest lesion: smaller ones count as this large when pushes are chosen."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,6 +51,8 @@ class Effort:
         n_combinations: Of the lesion's forces that points are chosen by, half as many again as there are points.
         n_push_steps: Steps of a push of 0.5 ms, in preparation and afterwards.
         n_heat_steps: Steps of the sonication.
+        small_lesions: Whether pushes are chosen by the logarithm of the lesion's size. Its beginning is then followed
+            as well as the rest; without, the rest is followed better by as many pushes.
     """
 
     n_pushes: int = 60
@@ -56,6 +63,7 @@ class Effort:
     n_combinations: int = 600
     n_push_steps: int = 25
     n_heat_steps: int = 90
+    small_lesions: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,7 +130,7 @@ def prepare_curve(
     fast = FastCurve(centre, blank, _no_solid(), _no_box(), coarse, linear)
     states = _states(fast, draws, protocols, on_step)
     fast = dataclasses.replace(fast, box=_box(states))
-    chosen = _far_apart(states, fast.box, effort.n_pushes)
+    chosen = _far_apart(_places(states, fast.box, by_logarithm=effort.small_lesions), effort.n_pushes)
     forces = dataclasses.replace(blank, heat=expanded(table.force, *ranges))
     pushes = []
     run_of = [push_of(fast, protocol, forces, settings.mesh, effort.n_moments) for protocol, _ in protocols]
@@ -225,15 +233,29 @@ def _box(states: _States) -> Box:
     return Box(0.5 * (low + high), np.maximum(0.55 * (high - low), _SMALLEST_HALF))
 
 
-def _far_apart(states: _States, box: Box, count: int) -> Int[np.ndarray, " chosen"]:
-    """States each of which is as far as can be, in the box, from all chosen before; the first is the largest lesion."""
-    places = np.where(states.present, (states.values - box.middle) / box.half, -1.5)
-    chosen = [int(np.argmax(places[:, -3]))]
+def _places(states: _States, box: Box, *, by_logarithm: bool) -> Float[np.ndarray, "state feature"]:
+    """States in the box's coordinates, -1 to 1."""
+    places = np.where(states.present, (states.values - box.middle) / box.half, _ABSENT)
+    if by_logarithm:
+        for size in (_LENGTH, _DIAMETER):
+            places[:, size] = _spread(states.values[:, size], states.present[:, size])
+    return places
+
+
+def _far_apart(places: Float[np.ndarray, "state feature"], count: int) -> Int[np.ndarray, " chosen"]:
+    """States each of which is as far as can be from all chosen before; the first is the largest lesion."""
+    chosen = [int(np.argmax(places[:, _LENGTH]))]
     distance = np.full(len(places), np.inf)
     for _ in range(min(count, len(places)) - 1):
         distance = np.minimum(distance, np.linalg.norm(places - places[chosen[-1]], axis=1))
         chosen.append(int(np.argmax(distance)))
     return np.asarray(chosen)
+
+
+def _spread(size: Float[np.ndarray, " state"], present: Bool[np.ndarray, " state"]) -> Float[np.ndarray, " state"]:
+    """A lesion's size by its logarithm, from -1 to 1."""
+    relative = np.where(present, size, 0.0) / np.max(size[present])
+    return np.where(present, 1.0 - 2.0 * np.log(np.maximum(relative, _SMALLEST_SIZE)) / np.log(_SMALLEST_SIZE), _ABSENT)
 
 
 def _reduced(

@@ -177,7 +177,7 @@ def _checks(
         rng = np.random.default_rng([seed, number])
         read = together.program.predict(unknowns) + fitted.size * rng.standard_normal(len(together.rows))
         simulated = dataclasses.replace(together, rows=dataclasses.replace(together.rows, log_displacement=read))
-        again = diagnose_curves(simulated, None, causes=library, seed=seed, gain=False)
+        again = diagnose_curves(simulated, corrected=False, causes=library, seed=seed, gain=False)
         checks.append(Check(hidden, again.verdict, again.named))
     return tuple(checks)
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import equinox as eqx
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 import arfjax as ax
 
@@ -58,7 +59,7 @@ def _lag(course: Course, s: float) -> np.ndarray:
 def beside(course: Course, s: float) -> np.ndarray:
     """At a distance whose square is s mm^2, between the cells of the grid.
 
-    The rise over that on the axis is an even polynomial of the radius, fitted to all cells as far out as `REACH`.
+    The rise is a cubic spline through all cells as far out as `REACH` and their mirror images beyond the axis.
 
     Raises:
         ValueError: if the distance is larger.
@@ -66,12 +67,11 @@ def beside(course: Course, s: float) -> np.ndarray:
     _, focus, r, temperature = course
     if s * 1e-6 > REACH**2:
         raise ValueError(f"{s:g} mm^2 lie beyond what the profile is known of.")
-    rise = temperature - focus[0]
-    powers = np.vander((r / REACH) ** 2, 4, increasing=True)
-    fitted = np.linalg.lstsq(powers, rise.T, rcond=None)[0]
+    profile = CubicSpline(np.r_[-r[::-1], r], np.c_[temperature[:, ::-1], temperature] - focus[0], axis=1)
+    axis, here = profile(0.0), profile(np.sqrt(s * 1e-6))
     warm = focus > focus[0]
     share = np.ones(len(focus))
-    share[warm] = (np.vander([s * 1e-6 / REACH**2], 4, increasing=True) @ fitted)[0, warm] / fitted[0, warm]
+    share[warm] = here[warm] / axis[warm]
     share[~warm] = share[warm][0]
     return focus[0] + (focus - focus[0]) * share
 

@@ -23,6 +23,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicSpline
 
 import arfjax as ax
 from arfjax.laws import PolynomialThrough
@@ -40,6 +41,8 @@ TISSUES = 6
 ANCHORS = (35.0, 45.0, 55.0, 65.0, 84.0)
 FINAL = (63.0, 73.0, 83.0)
 REFERENCE = 37.0
+OFTEN = 3001
+"""Times at which a thermocouple is followed."""
 
 
 def _readings(final: float) -> np.ndarray:
@@ -143,7 +146,11 @@ class Simulator:
             # The focus lies on a face: the mean of the cells before and behind it.
             behind = int(np.searchsorted(np.asarray(grid.z), self.settings.focus))
             temperature = np.asarray(heating.temperature)[:, near, behind - 1 : behind + 1].mean(axis=2)
-            return heating, (np.asarray(heating.time), focal, np.asarray(grid.r)[near], temperature)
+            # Steps are too long for the first seconds, in which the temperature rises by 15 degrees.
+            clock = np.asarray(heating.time)
+            often = np.linspace(0.0, clock[-1], OFTEN)
+            at_focus, across = (CubicSpline(clock, each)(often) for each in (focal, temperature))
+            return heating, (often, at_focus, np.asarray(grid.r)[near], across)
 
         heating, at = course(final)
         showing = at[1]
@@ -160,7 +167,7 @@ class Simulator:
         dose = np.asarray(heating.dose)[
             :, 0, int(np.argmin(np.abs(np.asarray(self.settings.heat_grid.z) - self.settings.focus)))
         ]
-        coagulated = np.interp(np.log(240.0), np.log(np.maximum(dose, 1e-30)), at[0], right=np.inf)
+        coagulated = np.interp(np.log(240.0), np.log(np.maximum(dose, 1e-30)), np.asarray(heating.time), right=np.inf)
         ones = [np.ones(len(shown)) for _ in range(5)]
         scene = Scene(
             model, shown, time, np.interp(time, at[0], at[1]), np.interp(time, at[0], rate), float(coagulated), *ones

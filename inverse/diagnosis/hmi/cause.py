@@ -13,7 +13,7 @@ from arfjax import Model
 from inverse.diagnosis.cause import Cause, Strength
 
 States = Float[Array, " state"]
-OFF_AXIS_REACH = 2e-3
+OFF_AXIS_REACH = 1.25e-3
 """Distance from the axis up to which the fall of temperature is known [m]."""
 
 
@@ -25,6 +25,8 @@ class HmiConditions(eqx.Module):
         time: Since the start of the sonication [s]: as measured, or where the simulation gets to that temperature.
         share: Part of the sonication that had passed, 0 to 1.
         rise_rate: Of the temperature at the focus [K/s].
+        age: Time before each state, from 0 to the start of the sonication, closer the more recent [s].
+        past_rise_rate: Of the temperature at the focus, so long before [K/s].
         coagulated: Part of the tissue at the focus that had coagulated, 0 to 1.
         since_coagulation: Time since half of it had [s]; 0 before.
         off_axis_fall: Logarithm of the rise of temperature on the axis over that beside it, as a polynomial of the
@@ -38,6 +40,8 @@ class HmiConditions(eqx.Module):
     time: States
     share: States
     rise_rate: States
+    age: Float[Array, "state age"]
+    past_rise_rate: Float[Array, "state age"]
     coagulated: States
     since_coagulation: States
     off_axis_fall: Float[Array, "state 3"]

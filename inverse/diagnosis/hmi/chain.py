@@ -1,4 +1,4 @@
-"""From constants and causes to the logarithm of the displacement that the instrument reports, by the fast model."""
+"""From constants and causes to the logarithm of the displacement that the instrument reports, fast or in full."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -9,24 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from arfjax import (
-    Discretisation,
-    FastCurve,
-    Heating,
-    Model,
-    StepwiseProtocol,
-    focal_temperature_at,
-    simulate_heating,
-    stepwise_displacement,
-)
-from arfjax.laws import Scaled, Shifted, TemperatureLaw, ViscoelasticLaw
+from arfjax import Heating, Model, StepwiseProtocol, focal_temperature_at
 from arfjax.media import Scalar
-from arfjax.model import DoseSize
-from arfjax.protocols.fast_curve import features
-from arfjax.protocols.stepwise import heating_by, lesion_at
 from arfjax.thermal.dose import cumulative_equivalent_minutes
 from inverse.diagnosis.cause import Extension
-from inverse.diagnosis.hmi.cause import HmiCause, HmiConditions, TissueChange, unchanged
+from inverse.diagnosis.hmi.cause import HmiCause, HmiConditions, unchanged
+from inverse.diagnosis.hmi.simulation import Simulation
 
 _ANY_RISE = 30.0
 """Of the sonication that those to other temperatures are scaled from [K]."""
@@ -109,7 +97,7 @@ def _stacked(courses: Sequence[Course]) -> Courses:
 
 
 def log_reported(
-    curve: FastCurve,
+    simulation: Simulation,
     courses: Courses,
     model: Model,
     extensions: Sequence[Extension[HmiCause]],
@@ -118,24 +106,31 @@ def log_reported(
     """Logarithm of what the instrument reports for every row, but for a factor of each sonication.
 
     Args:
-        curve: The fast model; closed over under `jit`.
+        simulation: Fast or full; a fast one is closed over under `jit`.
         courses: Of all sonications.
         model: Constants.
         extensions: Causes, each in its shape.
         strengths: Of the causes.
 
     Returns:
-        The logarithm, and how far the farthest state lies from the middle of what the fast model was trained on:
-        covered up to 1.
+        The logarithm, and how far the farthest state lies from the middle of what the simulation covers: covered up
+        to 1.
     """
     acting = [i for i, extension in enumerate(extensions) if extension.cause.place not in courses.immune]
     extensions, strengths = [extensions[i] for i in acting], strengths[jnp.asarray(acting, dtype=int)]
     for extension, strength in zip(extensions, strengths, strict=True):
         model = extension.cause.model(model, strength, extension.shape)
-    heating = heating_by(model, curve.heat(model, courses.protocol), courses.protocol, curve.settings)
+    heating, start = simulation.heating(model, courses.protocol), courses.protocol.start_temperature
 
     def reported(conditions: HmiConditions) -> tuple[Array, Array]:
-        displacement, excess = _states(curve, courses, conditions, heating, model, extensions, strengths)
+        nominal = reaching(heating, conditions.temperature[-1], start)
+        temperature = focal_temperature_at(nominal, conditions.time) if courses.in_time else conditions.temperature
+        change = unchanged(len(temperature))
+        for extension, strength in zip(extensions, strengths, strict=True):
+            temperature = extension.cause.temperature(temperature, conditions, strength, extension.shape)
+            change = extension.cause.tissue(change, conditions, model, strength, extension.shape)
+        real = reaching(heating, temperature[-1], start)
+        displacement, excess = simulation.displacement(model, change, temperature, real, courses.protocol)
         relative = displacement / displacement[jnp.argmin(conditions.temperature)]
         for extension, strength in zip(extensions, strengths, strict=True):
             relative = extension.cause.measured(relative, conditions, strength, extension.shape)
@@ -143,86 +138,6 @@ def log_reported(
 
     logarithm, excess = jax.lax.map(reported, courses.conditions)
     return logarithm[courses.course, courses.place], jnp.max(excess)
-
-
-def log_simulated(model: Model, courses: Courses, settings: Discretisation) -> Float[Array, " row"]:
-    """Logarithm of the displacement for every row by the full simulation, without causes.
-
-    Args:
-        model: Constants.
-        courses: Of all sonications.
-        settings: Grids and mesh.
-    """
-    heating = simulate_heating(model, courses.protocol, settings)
-
-    def simulated(conditions: HmiConditions) -> Array:
-        nominal = reaching(heating, conditions.temperature[-1], courses.protocol.start_temperature)
-        temperature = focal_temperature_at(nominal, conditions.time) if courses.in_time else conditions.temperature
-        return jnp.log(stepwise_displacement(model, temperature, courses.protocol, settings, heating=nominal))
-
-    return jax.lax.map(simulated, courses.conditions)[courses.course, courses.place]
-
-
-def _states(
-    curve, courses, conditions, heating, model, extensions, strengths
-) -> tuple[Float[Array, " state"], Float[Array, " state"]]:
-    """Displacement [m] in every state, and how far it is from the middle of what is covered."""
-    nominal = reaching(heating, conditions.temperature[-1], courses.protocol.start_temperature)
-    temperature = focal_temperature_at(nominal, conditions.time) if courses.in_time else conditions.temperature
-    change = unchanged(len(temperature))
-    for extension, strength in zip(extensions, strengths, strict=True):
-        temperature = extension.cause.temperature(temperature, conditions, strength, extension.shape)
-        change = extension.cause.tissue(change, conditions, model, strength, extension.shape)
-    real = reaching(heating, temperature[-1], courses.protocol.start_temperature)
-
-    def state(temperature: Array, change: TissueChange) -> tuple[Array, Array]:
-        here = changed(model, change)
-        share = curve.share(here, temperature, real)
-        share = share + change.rim * share * (1.0 - share)
-        size = lesion_at(here, real, temperature, curve.settings)
-        values, present = features(here, temperature, size, courses.protocol.push_duration)
-        excess = curve.box.excess(jax.lax.stop_gradient(values), present)
-        return change.force * curve.push(here, temperature, share, courses.protocol), excess
-
-    return jax.vmap(state)(temperature, change)
-
-
-def changed(model: Model, change: TissueChange) -> Model:
-    """The model in one state."""
-    liver, lesion = model.liver, model.lesion
-    model = eqx.tree_at(
-        lambda tree: (tree.liver.attenuation, tree.liver.sound_speed),
-        model,
-        (_scaled(liver.attenuation, change.attenuation), Shifted(
-            law=liver.sound_speed, shift=change.sound_speed, unit=liver.sound_speed.unit,
-            source=liver.sound_speed.source, valid_range=liver.sound_speed.valid_range,
-        )),
-    )  # fmt: skip
-    assert liver.viscoelasticity is not None  # `Model` checks it
-    model = eqx.tree_at(
-        lambda tree: (tree.liver.viscoelasticity, tree.lesion.viscoelasticity),
-        model,
-        (
-            _stiffened(liver.viscoelasticity, change.liver_modulus),
-            _stiffened(lesion.viscoelasticity, change.lesion_modulus),
-        ),
-    )
-    if isinstance(lesion.size, DoseSize):
-        threshold = lesion.size.threshold * change.threshold
-        model = eqx.tree_at(lambda tree: tree.lesion.size.threshold, model, threshold)
-    return model
-
-
-def _scaled(law: TemperatureLaw, factor: Scalar) -> TemperatureLaw:
-    return Scaled(law=law, factor=factor, unit=law.unit, source=law.source, valid_range=law.valid_range)
-
-
-def _stiffened(law: ViscoelasticLaw, factor: Scalar) -> ViscoelasticLaw:
-    return eqx.tree_at(
-        lambda each: (each.relaxed_modulus, each.branch_modulus),
-        law,
-        (_scaled(law.relaxed_modulus, factor), _scaled(law.branch_modulus, factor)),
-    )
 
 
 def reaching(heating: Heating, final: Scalar, start: float) -> Heating:

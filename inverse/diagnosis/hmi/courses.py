@@ -5,6 +5,7 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.interpolate import CubicSpline
 
 from arfjax import Discretisation, Heating, InputError, Model, StepwiseProtocol
 from arfjax.laws import LETHAL_DOSE_MINUTES, coagulated_fraction
@@ -19,7 +20,10 @@ from inverse.inference.hmi import SAME_TEMPERATURE_K
 _LEAST_RISE = 1e-6
 """Taken instead of less, so that it has a logarithm [K]."""
 _FALL_TERMS = 3
-"""Terms of the fall of temperature beside the axis: within 1e-3 of the rise from the first seconds on."""
+"""Terms of the fall of temperature beside the axis: within 3e-3 of the rise from the first second on."""
+
+_AGES = np.expm1(np.linspace(0.0, 8.0, 49)) / np.expm1(8.0)
+"""Of the time since the start, at which the past of a state is kept: from a ten-thousandth of it on."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,7 +135,7 @@ def plan_courses(
         heating = reaching(first, sweep.protocol.final_temperature, protocol.start_temperature)
         clock, focal = np.asarray(heating.time), np.asarray(heating.focal_temperature)
         if sweep.in_time:
-            temperature[mine] = np.interp(time[mine], clock, focal)
+            temperature[mine] = CubicSpline(clock, focal)(np.clip(time[mine], 0.0, clock[-1]))
         unknown = mine[np.isnan(time[mine])]
         time[unknown] = np.interp(temperature[unknown], focal, clock)
         keys = np.stack([temperature[mine], time[mine], rows.is_reference[mine]], axis=-1)
@@ -154,14 +158,17 @@ def _conditions(
     lethal = float(np.interp(_log(LETHAL_DOSE_MINUTES), _log(at_focus), clock, right=np.inf))
     share = np.asarray(coagulated_fraction(jnp.asarray(at_focus), LETHAL_DOSE_MINUTES, width=COAGULATION_WIDTH))
     fall = _off_axis_fall(heating, protocol, settings, z)
+    course, age = CubicSpline(clock, focal), time[:, None] * _AGES
     return HmiConditions(
         temperature=jnp.asarray(temperature),
         time=jnp.asarray(time),
         share=jnp.asarray(time / protocol.duration),
-        rise_rate=jnp.asarray(np.interp(time, clock, np.gradient(focal, clock))),
+        rise_rate=jnp.asarray(course(time, 1)),
+        age=jnp.asarray(age),
+        past_rise_rate=jnp.asarray(course(time[:, None] - age, 1)),
         coagulated=jnp.asarray(np.interp(time, clock, share)),
         since_coagulation=jnp.asarray(np.maximum(time - lethal, 0.0)),
-        off_axis_fall=jnp.asarray(np.stack([np.interp(time, clock, one) for one in fall.T], axis=-1)),
+        off_axis_fall=jnp.asarray(CubicSpline(clock[1:], fall)(time)),
         is_reference=jnp.asarray(reference > 0.5),
         start_temperature=jnp.asarray(protocol.start_temperature),
         push_duration=jnp.asarray(protocol.push_duration),
@@ -176,11 +183,10 @@ def _log(dose):
 def _off_axis_fall(
     heating: Heating, protocol: StepwiseProtocol, settings: Discretisation, z: int
 ) -> Float[np.ndarray, "time 3"]:
-    """Logarithm of the rise on the axis over that beside it, by least squares over the cells of the grid."""
+    """Logarithm of the rise on the axis over that beside it, over the cells, from the first step on."""
     r = np.asarray(settings.heat_grid.r)
     near = r < OFF_AXIS_REACH
     rise = np.asarray(heating.temperature)[1:, near, z] - protocol.start_temperature
     powers = np.vander((r[near] / OFF_AXIS_REACH) ** 2, _FALL_TERMS + 1, increasing=True)
     fit = np.linalg.lstsq(powers, np.log(np.maximum(rise, _LEAST_RISE)).T, rcond=None)[0]
-    fall = -fit[1:].T / OFF_AXIS_REACH ** (2.0 * np.arange(1, _FALL_TERMS + 1))
-    return np.concatenate([fall[:1], fall])
+    return -fit[1:].T / OFF_AXIS_REACH ** (2.0 * np.arange(1, _FALL_TERMS + 1))

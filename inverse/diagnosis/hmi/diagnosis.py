@@ -1,6 +1,5 @@
 """The diagnosis of curves of displacement, from the data to a verdict."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -20,7 +19,6 @@ from inverse.diagnosis.hmi.gain import held_out_gain_hmi
 from inverse.diagnosis.hmi.prepare import (
     LEARNT,
     PreparedHmi,
-    correction_at,
     free_constants,
     hmi_problem_of,
     prepare_hmi,
@@ -86,14 +84,14 @@ def diagnose_hmi(
         )
     problem = hmi_problem_of(prepared, data, described, settings, causes, program=program)
     return diagnose_curves(
-        problem, prepared, causes=causes, level=level, seed=seed, replicates=replicates, gain=gain, on_step=on_step
+        problem, causes=causes, level=level, seed=seed, replicates=replicates, gain=gain, on_step=on_step
     )
 
 
 def diagnose_curves(
     problem: HmiDiagnosisProblem,
-    prepared: PreparedHmi | None,
     *,
+    corrected: bool = True,
     causes: Sequence[HmiCause] = HMI_CAUSES,
     level: float = 0.05,
     seed: int = 0,
@@ -105,7 +103,7 @@ def diagnose_curves(
 
     Args:
         problem: Data and simulation, `causes` among those that it holds.
-        prepared: Has the full simulation that the fast one is corrected to; None for data that the fast one made.
+        corrected: Whether the fast simulation is corrected to the full one at every fit; not for data that it made.
         causes: The library to look in.
         level: Probability of finding something wrong where nothing is.
         seed: Of starts, draws and replicates.
@@ -114,18 +112,20 @@ def diagnose_curves(
         on_step: Told what is being done.
     """
     on_step("fitting")
-    problem, null, size, audit = _fitted(prepared, problem, seed, on_step)
+    problem, null, size, audit = _fitted(problem, corrected, seed, on_step)
     account = HmiAccount(problem, null)
     if not null.converged:
         remark = f"the fit without causes: {null.status}."
         return failed(account, problem, null.residuals, [remark, *audit], level=level, seed=seed)
     on_step("testing all causes")
     rng = np.random.default_rng(seed)
-    examined = examine_hmi(problem, causes, null, rng, size=size, level=level, replicates=replicates)
+    examined = examine_hmi(
+        problem, causes, null, rng, size=size, corrected=corrected, level=level, replicates=replicates
+    )
 
     def worth(extended: FullFit, noise: Noise) -> Gain | None:
         assert isinstance(extended, HmiFit)
-        return held_out_gain_hmi(problem, extended.extensions, noise, size=size, null=null, extended=extended)
+        return held_out_gain_hmi(noise, size=size, null=null, extended=extended)
 
     return conclude(
         examined, account, problem, rng, audit=audit, axes=_axes(problem), repeats=None,
@@ -143,14 +143,14 @@ def _require_enough(rows: HmiRows, constants: int) -> None:
         )
 
 
-def _fitted(prepared: PreparedHmi | None, problem: HmiDiagnosisProblem, seed: int, on_step: Callable[[str], None]):
+def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: Callable[[str], None]):
     """The null fit, corrected to the full simulation where it came out; and what it says against itself."""
     white = noise_family(problem.orderings(), problem.coordinate())[0]
     size = 1.0 if problem.rows.deviation is not None else _FIRST_SIZE
     null = fit_hmi(problem, (), white, size=size)
-    if prepared is not None:
+    if corrected:
         on_step("full simulation where the fit is")
-        problem = dataclasses.replace(problem, correction=correction_at(prepared, problem, null.unknowns))
+        problem = problem.corrected_at(null.unknowns)
     if problem.rows.deviation is None:
         size = noise_size(null)
     null = fit_hmi(problem, (), white, size=size, start=null.unknowns)

@@ -9,9 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.gain import LEAST_FOLDS, Gain
-from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import HmiFit, fit_hmi
 from inverse.diagnosis.noise import Noise
@@ -21,39 +19,30 @@ _LEAST_READINGS = 2
 """Of a sonication for its factor to leave something to score."""
 
 
-def held_out_gain_hmi(
-    problem: HmiDiagnosisProblem,
-    extensions: Sequence[Extension[HmiCause]],
-    noise: Noise,
-    *,
-    size: float,
-    null: HmiFit,
-    extended: HmiFit,
-) -> Gain | None:
+def held_out_gain_hmi(noise: Noise, *, size: float, null: HmiFit, extended: HmiFit) -> Gain | None:
     """Score the model with and without extensions on data that were left out.
 
     Args:
-        problem: Data and simulation.
-        extensions: What was added.
         noise: Weighs the residuals.
         size: Of the noise, for the priors.
         null: The fit without extensions to all data: the first guess.
-        extended: The fit with them: the first guess.
+        extended: The fit with them, likewise.
 
     Returns:
         The gain, or None where fewer than two parts could be left out.
     """
-    folds, split = _folds(problem)
+    folds, split = _folds(null.problem)
     if len(folds) < LEAST_FOLDS:
         return None
     before, after, lost = [], [], 0
     for left_out in folds:
-        for found, added, whole in ((before, (), null), (after, tuple(extensions), extended)):
+        for found, whole in ((before, null), (after, extended)):
             fit = fit_hmi(
-                problem, added, noise, size=size, start=whole.unknowns, strengths=whole.strengths, used=~left_out
-            )
+                whole.problem, whole.extensions, noise,
+                size=size, start=whole.unknowns, strengths=whole.strengths, used=~left_out,
+            )  # fmt: skip
             lost += not fit.converged
-            found.append(_score(problem, fit, noise, left_out))
+            found.append(_score(fit, noise, left_out))
     gains = np.array([a[1] - b[1] for a, b in zip(after, before, strict=True)])
     counts = np.array([len(a[0]) for a in after])
     return Gain(
@@ -79,13 +68,12 @@ def _folds(problem: HmiDiagnosisProblem) -> tuple[list[Bool[np.ndarray, " row"]]
     return parts, f"{len(parts)} blocks of neighbouring temperatures, each left out in turn"
 
 
-def _score(
-    problem: HmiDiagnosisProblem, fit: HmiFit, noise: Noise, left_out: Bool[np.ndarray, " row"]
-) -> tuple[Float[np.ndarray, " _"], float]:
+def _score(fit: HmiFit, noise: Noise, left_out: Bool[np.ndarray, " row"]) -> tuple[Float[np.ndarray, " _"], float]:
     """Relative residuals of what was left out, and the log density of their scatter about their own factor."""
+    problem = fit.problem
     raw, scale = problem.residuals(fit.unknowns), np.exp(noise.log_deviation)
     used = ~left_out
-    spread = np.sqrt(np.mean((fit.residuals / scale)[used] ** 2) * np.sum(used) / _freedom(problem, fit, used))
+    spread = np.sqrt(np.mean((fit.residuals / scale)[used] ** 2) * np.sum(used) / _freedom(fit, used))
     deviation = spread * scale[left_out]
     weights = problem.weights[left_out] / deviation
     # The factor by least squares; the density of what is free beside it.
@@ -96,9 +84,9 @@ def _score(
     return rest / problem.weights[left_out], float(density - 0.5 * count * np.log(2.0 * np.pi))
 
 
-def _freedom(problem: HmiDiagnosisProblem, fit: HmiFit, used: Bool[np.ndarray, " row"]) -> int:
-    factors = len(np.unique(problem.rows.sonication[used]))
-    moved = fit.directions.shape[1] - problem.factors.shape[1]
+def _freedom(fit: HmiFit, used: Bool[np.ndarray, " row"]) -> int:
+    factors = len(np.unique(fit.problem.rows.sonication[used]))
+    moved = fit.directions.shape[1] - fit.problem.factors.shape[1]
     return max(int(np.sum(used)) - factors - moved, 1)
 
 

@@ -2,7 +2,7 @@
 
 import copy
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -10,11 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from arfjax import FastCurve, Model
+from arfjax import Discretisation, FastCurve, Model
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.chain import Course, Courses, log_reported, together
 from inverse.diagnosis.hmi.courses import HmiRows
+from inverse.diagnosis.hmi.simulation import FastSimulation, FullSimulation
 from inverse.diagnosis.noise import Ordering, series
 from inverse.inference.parameter_set import ParameterSet
 from inverse.inference.problem import State
@@ -42,6 +43,7 @@ class HmiProgram:
         parameters: ParameterSet,
         state: State,
         causes: Sequence[HmiCause],
+        fine: Discretisation,
     ) -> None:
         """Prepare; compilation happens at the first use.
 
@@ -51,6 +53,7 @@ class HmiProgram:
             parameters: What is free in the model.
             state: The model that they are put into.
             causes: The library.
+            fine: Of the full simulation, whose place the fast one takes.
         """
         self.causes, self.parameters = tuple(causes), parameters
         self.courses, self._stacked = tuple(courses), together(courses)
@@ -63,8 +66,13 @@ class HmiProgram:
             extensions = tuple(Extension(cause, unknowns[count + i]) for i, cause in enumerate(self.causes))
             return model, extensions, unknowns[:count] * scales
 
+        fast, full = FastSimulation(curve), FullSimulation(fine)
+
         def predict(courses: Courses, unknowns: Array) -> tuple[Array, Array]:
-            return log_reported(curve, courses, *parts(unknowns))
+            return log_reported(fast, courses, *parts(unknowns))
+
+        def simulate(courses: Courses, unknowns: Array) -> Array:
+            return log_reported(full, courses, *parts(unknowns))[0]
 
         def penalties(unknowns: Array) -> Array:
             return parameters.penalties(parameters.values(unknowns[2 * count :]))
@@ -76,6 +84,7 @@ class HmiProgram:
             return jax.vmap(one, out_axes=1)(directions)
 
         self._predict, self._slopes = eqx.filter_jit(predict), eqx.filter_jit(slopes)
+        self._simulate = eqx.filter_jit(simulate)
         self._penalties, self._penalty_slopes = jax.jit(penalties), jax.jit(jax.jacfwd(penalties))
         self._model = lambda unknowns: parts(jnp.asarray(unknowns))[0]
 
@@ -141,13 +150,11 @@ class HmiProgram:
             found.append(columns[:, : len(part)])
         return np.concatenate(found, axis=1) if found else np.zeros((0, 0))
 
-    def simulated(
-        self, unknowns: Float[np.ndarray, " unknown"], full: Callable[[Model, Courses], Array]
-    ) -> Float[np.ndarray, " row"]:
-        """What a full simulation has in place of `predict`; causes are not in it."""
-        model, found = jax.tree.map(jnp.asarray, self.model(unknowns)), np.zeros(self.n_rows)
+    def simulate(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " row"]:
+        """What the full simulation has in place of `predict`: seconds."""
+        found = np.zeros(self.n_rows)
         for courses, rows in self._stacked:
-            found[rows] = full(model, courses)
+            found[rows] = self._simulate(courses, jnp.asarray(unknowns))
         return found
 
     def penalties(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " penalty"]:
@@ -200,6 +207,16 @@ class HmiDiagnosisProblem:
     def slopes(self, unknowns: Float[np.ndarray, " unknown"], which: Sequence[int]) -> Float[np.ndarray, "row which"]:
         """Derivative of the weighted prediction in some of the unknowns."""
         return self.weights[:, None] * self.program.slopes(unknowns, which)
+
+    def corrected_at(self, unknowns: Float[np.ndarray, " unknown"]) -> "HmiDiagnosisProblem":
+        """The same data, the fast simulation corrected to the full one at a fit.
+
+        What the fast simulation leaves out is then no misfit of the model, as far as it does not change about there.
+        """
+        difference = self.program.simulate(unknowns) - self.program.predict(unknowns)
+        # A factor of each sonication is free, so that only the course counts.
+        factors = np.linalg.lstsq(self.factors, difference, rcond=None)[0]
+        return dataclasses.replace(self, correction=difference - self.factors @ factors)
 
     def orderings(self) -> tuple[Ordering, ...]:
         """Neighbours in time within each sonication."""

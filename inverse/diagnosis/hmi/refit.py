@@ -31,6 +31,7 @@ class HmiFit:
     """A fit of the simulation with causes in it.
 
     Attributes:
+        problem: What was fitted, the fast simulation as corrected for it.
         unknowns: Of the program.
         extensions: What was added, in the shapes that fit best.
         strengths: Of these.
@@ -44,6 +45,7 @@ class HmiFit:
         status: The outcome in words.
     """
 
+    problem: HmiDiagnosisProblem
     unknowns: Float[np.ndarray, " unknown"]
     extensions: tuple[Extension[HmiCause], ...]
     strengths: Float[np.ndarray, " extension"]
@@ -230,6 +232,7 @@ class _Fitting:
         excess = self.program.excess(unknowns)
         covered = excess <= 1.0
         return HmiFit(
+            problem=problem,
             unknowns=unknowns,
             extensions=tuple(
                 Extension(e.cause, float(shape))

@@ -61,7 +61,7 @@ def drifting(problem):
 def found(drifting, described, settings, prepared):
     """By the fast simulation alone: the data come from it."""
     problem = hmi_problem_of(prepared, drifting, described, settings, HMI_CAUSES)
-    return diagnose_curves(problem, None, gain=False, seed=1)
+    return diagnose_curves(problem, corrected=False, gain=False, seed=1)
 
 
 @pytest.mark.slow
