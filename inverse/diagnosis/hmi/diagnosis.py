@@ -153,7 +153,7 @@ def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: C
         problem = problem.corrected_at(null.unknowns)
     if problem.rows.deviation is None:
         size = noise_size(null)
-    null = fit_hmi(problem, (), white, size=size, start=null.unknowns)
+    null = fit_hmi(problem, (), white, size=size, start=null.unknowns, slopes=null.slopes)
     on_step("fitting from another start")
     start = problem.program.null()
     spread = 0.5 * np.random.default_rng(seed).standard_normal(len(problem.program.start))

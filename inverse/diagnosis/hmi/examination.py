@@ -123,15 +123,16 @@ class Refits:
         """At the fit without causes, whose first columns are the constants'."""
         if any(extension.has_shape for extension in extensions):
             return None
-        constants = self._null.directions[:, : len(self._problem.program.start)]
-        return np.concatenate([*(self._known[extension.cause.name] for extension in extensions), constants], axis=1)
+        # The program counts strengths in plausible ones.
+        own = [self._known[extension.cause.name] * extension.cause.plausible for extension in extensions]
+        return np.concatenate([*own, self._null.slopes], axis=1)
 
 
 def _in_its_noise(problem: HmiDiagnosisProblem, null: HmiFit, family: Sequence[Noise], size: float) -> HmiFit:
     """The model fitted in the likeliest kind of noise, see `examine_dma`."""
     _, member, _ = Screen(null.directions, (), family).noise_evidence(null.residuals[:, None])
     noise = family[member[0]]
-    return null if noise.is_white else fit_hmi(problem, (), noise, size=size, start=null.unknowns)
+    return null if noise.is_white else fit_hmi(problem, (), noise, size=size, start=null.unknowns, slopes=null.slopes)
 
 
 def noise_size(fit: HmiFit) -> float:

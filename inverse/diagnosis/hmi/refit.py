@@ -16,8 +16,9 @@ from inverse.diagnosis.screening import Alternative
 INTERVAL_LEVEL = 0.95
 _TOLERANCE = 1e-6
 """Relative change of the sum of squares at which a fit ends: far below what decides between causes."""
-_SETTLED = 1e-4
-"""Relative change of the sum of squares below which slopes taken anew have found nothing more."""
+_SETTLED = 1e-3
+"""Relative change of the sum of squares below which slopes taken anew have found nothing more: for 60 readings a few
+hundredths of a log likelihood."""
 _MOST_SLOPES = 8
 _MOST_EVALUATIONS = 40
 _SMALL = 1e-3
@@ -38,7 +39,7 @@ class HmiFit:
         intervals: Of the strengths at `INTERVAL_LEVEL`, from the curvature; one that cannot be negative has no part
             below 0.
         residuals: Measured less predicted, weighted, each sonication's factor taken off.
-        directions: Derivative of the weighted prediction in everything that was fitted.
+        directions: Derivative of the weighted prediction in everything that was fitted, the factors last.
         misfit: Sum of squares of the residuals in coordinates in which the noise is white.
         excess: How far outside of the fast model's range, above 1; covered up to 1.
         converged: Whether it did, inside that range.
@@ -57,6 +58,11 @@ class HmiFit:
     converged: bool
     status: str
 
+    @property
+    def slopes(self) -> Float[np.ndarray, "row moved"]:
+        """Of a fit that begins where this one ended."""
+        return self.directions[:, : self.directions.shape[1] - self.problem.factors.shape[1]]
+
 
 def fit_hmi(
     problem: HmiDiagnosisProblem,
@@ -68,6 +74,7 @@ def fit_hmi(
     strengths: Float[np.ndarray, " extension"] | None = None,
     used: Bool[np.ndarray, " row"] | None = None,
     slopes: Float[np.ndarray, "row moved"] | None = None,
+    again: bool = True,
 ) -> HmiFit:
     """Fit all constants, strengths and shapes together, with the priors of the constants.
 
@@ -79,16 +86,12 @@ def fit_hmi(
         start: Unknowns to start from; the priors' middle without.
         strengths: First guess of the strengths, in their units.
         used: Rows to fit; all without.
-        slopes: Derivative of the weighted prediction in strengths and constants near the start, where it is known and
-            no extension has a shape.
+        slopes: Derivative of the weighted prediction near the start in all that moves (strengths, shapes that there
+            are, constants, as the program counts them), where it is known.
+        again: Whether slopes are taken anew where the steps end; without, those given are followed to the end, which
+            does for a fit that begins where another ended.
     """
-    if any(extension.has_shape for extension in extensions):
-        slopes = None
-    elif slopes is not None:
-        # The program counts strengths in plausible ones.
-        scales = [extension.cause.plausible for extension in extensions]
-        slopes = slopes * np.append(scales, np.ones(slopes.shape[1] - len(scales)))
-    return _Fitting(problem, tuple(extensions), noise, size, used).run(start, strengths, slopes)
+    return _Fitting(problem, tuple(extensions), noise, size, used).run(start, strengths, slopes, again)
 
 
 class _Followed:
@@ -126,7 +129,7 @@ class _Fitting:
         felt = white[:, np.linalg.norm(white, axis=0) > 0.0]
         self.basis = np.linalg.qr(felt)[0]
 
-    def run(self, start, strengths, slopes) -> HmiFit:
+    def run(self, start, strengths, slopes, again) -> HmiFit:
         """Least squares along slopes that are followed from step to step, and taken anew where the steps end.
 
         The derivative of a simulation takes as long as twenty simulations: a fit that takes it in every step, ten of
@@ -164,7 +167,7 @@ class _Fitting:
             gained, cost = cost - float(solution.cost), float(solution.cost)
             settled = gained <= _SETTLED * cost and slopes is None
             part, status = solution.x, str(solution.message)
-            if settled:
+            if settled or not again:
                 converged = bool(solution.success)
                 break
             slopes, plain = None, self.problem.slopes(whole(part), self.moved.tolist())
