@@ -234,7 +234,7 @@ def _box(states: _States) -> Box:
 
 
 def _places(states: _States, box: Box, *, by_logarithm: bool) -> Float[np.ndarray, "state feature"]:
-    """States in the box's coordinates, -1 to 1."""
+    """States in the box's coordinates, -1 to 1; lesions by their size or its logarithm."""
     places = np.where(states.present, (states.values - box.middle) / box.half, _ABSENT)
     if by_logarithm:
         for size in (_LENGTH, _DIAMETER):

@@ -5,6 +5,8 @@ the displacement, and from that to what the instrument reports. A cause override
 To add one, copy a file of `inverse/diagnosis/hmi/causes` and put it into the library there.
 """
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -84,7 +86,13 @@ def unchanged(count: int) -> TissueChange:
 
 
 class HmiCause(Cause):
-    """A named cause of misfit of a curve of displacement."""
+    """A named cause of misfit of a curve of displacement.
+
+    Attributes:
+        largest: Strength beyond which nothing is known of the effect.
+    """
+
+    largest: ClassVar[float] = float("inf")
 
     def model(self, model: Model, strength: Strength, shape: Strength) -> Model:
         """The model with its constants changed throughout."""

@@ -24,6 +24,8 @@ _FALL_TERMS = 3
 
 _AGES = np.expm1(np.linspace(0.0, 8.0, 49)) / np.expm1(8.0)
 """Of the time since the start, at which the past of a state is kept: from a ten-thousandth of it on."""
+_OFTEN = 3001
+"""Times among which that of a temperature is looked for: steps of heat are too long for the first seconds."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,9 +137,10 @@ def plan_courses(
         heating = reaching(first, sweep.protocol.final_temperature, protocol.start_temperature)
         clock, focal = np.asarray(heating.time), np.asarray(heating.focal_temperature)
         if sweep.in_time:
-            temperature[mine] = CubicSpline(clock, focal)(np.clip(time[mine], 0.0, clock[-1]))
+            temperature[mine] = np.interp(time[mine], clock, focal)
         unknown = mine[np.isnan(time[mine])]
-        time[unknown] = np.interp(temperature[unknown], focal, clock)
+        often = np.linspace(0.0, clock[-1], _OFTEN)
+        time[unknown] = np.interp(temperature[unknown], CubicSpline(clock, focal)(often), often)
         keys = np.stack([temperature[mine], time[mine], rows.is_reference[mine]], axis=-1)
         states, places = np.unique(keys, axis=0, return_inverse=True)
         end = [sweep.protocol.final_temperature, sweep.protocol.duration, 0.0]
@@ -158,17 +161,19 @@ def _conditions(
     lethal = float(np.interp(_log(LETHAL_DOSE_MINUTES), _log(at_focus), clock, right=np.inf))
     share = np.asarray(coagulated_fraction(jnp.asarray(at_focus), LETHAL_DOSE_MINUTES, width=COAGULATION_WIDTH))
     fall = _off_axis_fall(heating, protocol, settings, z)
-    course, age = CubicSpline(clock, focal), time[:, None] * _AGES
+    # What is read after the sonication ended is taken for its end.
+    held = np.clip(time, 0.0, clock[-1])
+    course, age = CubicSpline(clock, focal), held[:, None] * _AGES
     return HmiConditions(
         temperature=jnp.asarray(temperature),
         time=jnp.asarray(time),
         share=jnp.asarray(time / protocol.duration),
-        rise_rate=jnp.asarray(course(time, 1)),
+        rise_rate=jnp.asarray(course(held, 1)),
         age=jnp.asarray(age),
-        past_rise_rate=jnp.asarray(course(time[:, None] - age, 1)),
+        past_rise_rate=jnp.asarray(course(held[:, None] - age, 1)),
         coagulated=jnp.asarray(np.interp(time, clock, share)),
         since_coagulation=jnp.asarray(np.maximum(time - lethal, 0.0)),
-        off_axis_fall=jnp.asarray(CubicSpline(clock[1:], fall)(time)),
+        off_axis_fall=jnp.asarray(CubicSpline(clock[1:], fall)(held)),
         is_reference=jnp.asarray(reference > 0.5),
         start_temperature=jnp.asarray(protocol.start_temperature),
         push_duration=jnp.asarray(protocol.push_duration),

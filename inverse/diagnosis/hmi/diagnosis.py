@@ -32,7 +32,7 @@ from inverse.inference.experiment import inference_settings
 _FIRST_SIZE = 0.02
 """Relative deviation of a reading that a fit starts from, where the data do not give it."""
 _AGREEMENT = 0.1
-"""Of the sum of squares of fits from two starts, in units of one over the number of data, above which they differ."""
+"""Of what fits from two starts make least, in units of one over the number of data, above which they differ."""
 LEAST_SPARE = 4
 """Readings beyond the number of fitted constants below which nothing is said about the model."""
 
@@ -112,16 +112,14 @@ def diagnose_curves(
         on_step: Told what is being done.
     """
     on_step("fitting")
-    problem, null, size, audit = _fitted(problem, corrected, seed, on_step)
-    account = HmiAccount(problem, null)
+    null, size, audit = _fitted(problem, corrected, seed, on_step)
+    problem, account = null.problem, HmiAccount(null.problem, null)
     if not null.converged:
         remark = f"the fit without causes: {null.status}."
         return failed(account, problem, null.residuals, [remark, *audit], level=level, seed=seed)
     on_step("testing all causes")
     rng = np.random.default_rng(seed)
-    examined = examine_hmi(
-        problem, causes, null, rng, size=size, corrected=corrected, level=level, replicates=replicates
-    )
+    examined = examine_hmi(causes, null, rng, size=size, corrected=corrected, level=level, replicates=replicates)
 
     def worth(extended: FullFit, noise: Noise) -> Gain | None:
         assert isinstance(extended, HmiFit)
@@ -144,30 +142,43 @@ def _require_enough(rows: HmiRows, constants: int) -> None:
 
 
 def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: Callable[[str], None]):
-    """The null fit, corrected to the full simulation where it came out; and what it says against itself."""
+    """The null fit, corrected to the full simulation where it came out; the noise; what the fit says against itself."""
     white = noise_family(problem.orderings(), problem.coordinate())[0]
     size = 1.0 if problem.rows.deviation is not None else _FIRST_SIZE
     null = fit_hmi(problem, (), white, size=size)
-    if corrected:
+
+    def corrected_there() -> HmiFit:
         on_step("full simulation where the fit is")
-        problem = problem.corrected_at(null.unknowns)
+        near = null.problem.corrected_at(null.unknowns)
+        return fit_hmi(near, (), white, size=size, start=null.unknowns, slopes=null.slopes)
+
+    if corrected:
+        null = corrected_there()
     if problem.rows.deviation is None:
         size = noise_size(null)
-    null = fit_hmi(problem, (), white, size=size, start=null.unknowns, slopes=null.slopes)
+        null = fit_hmi(null.problem, (), white, size=size, start=null.unknowns, slopes=null.slopes, again=False)
     on_step("fitting from another start")
     start = problem.program.null()
     spread = 0.5 * np.random.default_rng(seed).standard_normal(len(problem.program.start))
     start[problem.program.constants] += spread * problem.program.spreads
-    other = fit_hmi(problem, (), white, size=size, start=start)
-    audit = _audit(problem, null, other)
-    if other.converged and other.misfit < null.misfit:
+    other = fit_hmi(null.problem, (), white, size=size, start=start)
+    audit = _audit(null, other, size)
+    if other.converged and _cost(other, size) < _cost(null, size):
         null = other
-    return problem, null, size, audit
+    if corrected:
+        # Once more: a cause's fit is corrected where it came out, and none should be better for that alone.
+        null = corrected_there()
+    return null, size, audit
 
 
-def _audit(problem: HmiDiagnosisProblem, null: HmiFit, other: HmiFit) -> tuple[str, ...]:
-    remarks = []
-    if abs(other.misfit - null.misfit) > _AGREEMENT * null.misfit / len(problem.rows):
+def _cost(fit: HmiFit, size: float) -> float:
+    """What the fit made least: the misfit, and how far the constants are from what was believed of them."""
+    return fit.misfit + size**2 * float(np.sum(fit.problem.program.penalties(fit.unknowns) ** 2))
+
+
+def _audit(null: HmiFit, other: HmiFit, size: float) -> tuple[str, ...]:
+    problem, remarks = null.problem, []
+    if abs(_cost(other, size) - _cost(null, size)) > _AGREEMENT * null.misfit / len(problem.rows):
         remarks.append("Fits from two starts do not agree: the better one is used.")
     far = np.abs(problem.program.penalties(null.unknowns))
     names = problem.program.parameters.names

@@ -18,7 +18,6 @@ from inverse.diagnosis.screening import Alternative, Screen
 
 
 def examine_hmi(
-    problem: HmiDiagnosisProblem,
     causes: Sequence[HmiCause],
     null: HmiFit,
     rng: np.random.Generator,
@@ -31,7 +30,6 @@ def examine_hmi(
     """Test every cause and every free form on fitted curves.
 
     Args:
-        problem: Data and simulation.
         causes: The library to look in; the problem's program holds them all.
         null: The fit without causes, in white noise.
         rng: For replicates.
@@ -40,6 +38,7 @@ def examine_hmi(
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that error rates are calibrated on.
     """
+    problem = null.problem
     family = noise_family(problem.orderings(), problem.coordinate())
     null = _in_its_noise(problem, null, family, size)
     residuals, fitted = null.residuals, null.directions
@@ -51,7 +50,8 @@ def examine_hmi(
     forms, places = hmi_free_forms(problem.rows, problem.rows.log_displacement - residuals / problem.weights)
     forms = [dataclasses.replace(one, directions=problem.weights[:, None] * one.directions) for one in forms]
 
-    refits = Refits(problem, null, {one.name: one.directions for one in found if one.shape is None}, size, corrected)
+    known = {one.name: one.directions for one in found if one.shape is None}
+    refits = Refits(null, known, family, size=size, corrected=corrected)
 
     def extend(added: Sequence[Alternative], noise: Noise) -> Refitted:
         extensions = [extension_of(causes, one) for one in added]
@@ -71,56 +71,72 @@ class Refits:
     """Fits of the simulation with causes in it, each done once.
 
     Where a lesion begins the fast simulation is a percent off, and a cause that moves its beginning takes the data
-    along the wrong curve. So the first fit of some causes is done twice: the second time, and in other noise, by the
-    fast simulation as it is right where the first came out.
+    along the wrong curve. So the first fit of some causes is done twice, the second time by the fast simulation as it
+    is right where the first came out; in other noise they are fitted from there. Fits outside of what the fast
+    simulation covers stay as they are.
     """
 
     def __init__(
         self,
-        problem: HmiDiagnosisProblem,
         null: HmiFit,
         known: Mapping[str, Float[np.ndarray, "row 1"]],
+        family: Sequence[Noise],
+        *,
         size: float,
         corrected: bool,
     ) -> None:
         """Begin.
 
         Args:
-            problem: Data and simulation.
             null: The fit without causes.
             known: Derivative in the strength of each cause without shapes, at that fit.
+            family: Noise members.
             size: Of the noise, in units of the weights.
             corrected: Whether to correct the fast simulation.
         """
-        self._problem, self._null, self._known = problem, null, known
+        self._null, self._known, self._family = null, known, tuple(family)
         self._size, self._corrected = size, corrected
-        self._done: dict[tuple, HmiFit] = {}
-        self._near: dict[frozenset[str], HmiDiagnosisProblem] = {}
+        self._near: dict[tuple[str, ...], HmiFit] = {}
+        self._done: dict[tuple[tuple[str, ...], int], HmiFit] = {}
 
     def __call__(
         self, extensions: Sequence[Extension], noise: Noise, start: Float[np.ndarray, " extension"], profile: bool
     ) -> HmiFit:
-        """Constants and extensions together; intervals come from the curvature in any case."""
+        """Constants and extensions together, these by name; intervals come from the curvature in any case."""
         del profile
-        key = (*((e.cause.name, float(e.shape)) for e in extensions), id(noise))
-        if key not in self._done:
-            self._done[key] = self._fit(extensions, noise, start)
-        return self._done[key]
+        order = sorted(range(len(extensions)), key=lambda i: extensions[i].cause.name)
+        extensions, start = [extensions[i] for i in order], np.asarray(start)[order]
+        names = tuple(extension.cause.name for extension in extensions)
+        member = next(number for number, one in enumerate(self._family) if one is noise)
+        if (names, member) not in self._done:
+            if names not in self._near:
+                self._near[names] = self._first(extensions, noise, start)
+                self._done[names, member] = self._near[names]
+            else:
+                self._done[names, member] = self._from(self._near[names], noise)
+        return self._done[names, member]
 
-    def _fit(self, extensions, noise, start) -> HmiFit:
-        names = frozenset(extension.cause.name for extension in extensions)
-        near = self._near.get(names, self._problem)
-        slopes = self._slopes(extensions)
+    def _first(self, extensions, noise, start) -> HmiFit:
+        null = self._null
         found = fit_hmi(
-            near, extensions, noise, size=self._size, start=self._null.unknowns, strengths=start, slopes=slopes
-        )
-        if not self._corrected or names in self._near or not found.converged:
+            null.problem, extensions, noise,
+            size=self._size, start=null.unknowns, strengths=start, slopes=self._slopes(extensions),
+        )  # fmt: skip
+        if not self._corrected or found.excess > 1.0:
             return found
-        near = self._near[names] = self._problem.corrected_at(found.unknowns)
-        return fit_hmi(near, found.extensions, noise, size=self._size, start=found.unknowns, strengths=found.strengths)
+        return self._from(found, noise, problem=null.problem.corrected_at(found.unknowns), again=False)
+
+    def _from(
+        self, fit: HmiFit, noise: Noise, *, problem: HmiDiagnosisProblem | None = None, again: bool = True
+    ) -> HmiFit:
+        """The same extensions once more, from where they came out."""
+        return fit_hmi(
+            fit.problem if problem is None else problem, fit.extensions, noise,
+            size=self._size, start=fit.unknowns, strengths=fit.strengths, slopes=fit.slopes, again=again,
+        )  # fmt: skip
 
     def _slopes(self, extensions) -> Float[np.ndarray, "row moved"] | None:
-        """At the fit without causes, whose first columns are the constants'."""
+        """At the fit without causes."""
         if any(extension.has_shape for extension in extensions):
             return None
         # The program counts strengths in plausible ones.

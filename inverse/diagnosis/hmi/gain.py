@@ -25,7 +25,7 @@ def held_out_gain_hmi(noise: Noise, *, size: float, null: HmiFit, extended: HmiF
     Args:
         noise: Weighs the residuals.
         size: Of the noise, for the priors.
-        null: The fit without extensions to all data: the first guess.
+        null: The fit without extensions to all data: the first guess, the data, and the simulation as corrected there.
         extended: The fit with them, likewise.
 
     Returns:

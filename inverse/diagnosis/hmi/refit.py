@@ -16,9 +16,9 @@ from inverse.diagnosis.screening import Alternative
 INTERVAL_LEVEL = 0.95
 _TOLERANCE = 1e-6
 """Relative change of the sum of squares at which a fit ends: far below what decides between causes."""
-_SETTLED = 1e-3
-"""Relative change of the sum of squares below which slopes taken anew have found nothing more: for 60 readings a few
-hundredths of a log likelihood."""
+_SETTLED = 3e-4
+"""Relative change of the sum of squares below which slopes taken anew have found nothing more: for 60 readings a
+hundredth of a log likelihood."""
 _MOST_SLOPES = 8
 _MOST_EVALUATIONS = 40
 _SMALL = 1e-3
@@ -60,7 +60,7 @@ class HmiFit:
 
     @property
     def slopes(self) -> Float[np.ndarray, "row moved"]:
-        """Of a fit that begins where this one ended."""
+        """Derivative in what moved, the factors left out: for a fit that begins here."""
         return self.directions[:, : self.directions.shape[1] - self.problem.factors.shape[1]]
 
 
@@ -192,6 +192,7 @@ class _Fitting:
         upper[program.constants] = program.start + _FARTHEST * program.spreads
         for strength, shape, extension in zip(self.strengths, self.shapes, self.extensions, strict=True):
             lower[strength] = 0.0 if extension.cause.sign > 0 else -np.inf
+            upper[strength] = extension.cause.largest / extension.cause.plausible
             lower[shape], upper[shape] = extension.cause.shapes[0], extension.cause.shapes[-1]
         return lower, upper
 

@@ -97,18 +97,22 @@ class FullSimulation:
         heating: Heating,
         protocol: StepwiseProtocol,
     ) -> tuple[Float[Array, " state"], Float[Array, " state"]]:
-        """State by state: a mesh of its own for each would fill the memory."""
+        """One push after the other: solids of all at once would fill the memory."""
         settings = self.settings
 
-        def state(argument: tuple[Array, TissueChange]) -> Array:
-            temperature, change = argument
+        def force(temperature: Array, change: TissueChange) -> Array:
+            return force_at(changed(model, change), temperature, protocol, settings)
+
+        def state(argument: tuple[Array, TissueChange, Array]) -> Array:
+            temperature, change, force = argument
             here = changed(model, change)
             size = lesion_at(here, heating, temperature, settings)
             share = _with_rim(lesion_share(here, heating, temperature, size, settings, settings.mesh), change)
-            force = force_at(here, temperature, protocol, settings)
             return change.force * push(here, temperature, share, force, protocol, settings).at_focus(settings.focus)[-1]
 
-        return jax.lax.map(state, (temperature, change)), jnp.zeros(len(temperature))
+        # As one batch, because the field up to the liver is then computed once.
+        forces = jax.vmap(force)(temperature, change)
+        return jax.lax.map(state, (temperature, change, forces)), jnp.zeros(len(temperature))
 
 
 def changed(model: Model, change: TissueChange) -> Model:

@@ -20,8 +20,8 @@ class ThermocoupleLag(HmiCause):
     sign = 1
     plausible = 1.0
     sentence = (
-        "The thermocouple follows with a time constant: once that has passed, the tissue is hotter than it shows by "
-        "the rise within it."
+        "The thermocouple follows with a time constant: the tissue is hotter than it shows, by about the rise within "
+        "the last time constant."
     )
     helps = "Record times beside temperatures, or hold the temperature before a reading."
     source = "First-order lag; scale assumed, from the time constants of wire thermocouples in tissue"

@@ -14,6 +14,7 @@ class ThermocouplePosition(HmiCause):
     unit = "mm^2"
     sign = 1
     plausible = 0.25
+    largest = 1e6 * OFF_AXIS_REACH**2
     sentence = (
         "The thermocouple lies beside the axis, where it is cooler, the more so the shorter the sonication has lasted."
     )
@@ -26,6 +27,6 @@ class ThermocouplePosition(HmiCause):
         """The rise at the focus from that beside it."""
         del shape
         # Farther out it is held: nothing is known of the temperature there.
-        square = 1e-6 * jnp.minimum(strength, 1e6 * OFF_AXIS_REACH**2)
+        square = 1e-6 * jnp.minimum(strength, self.largest)
         fall = conditions.off_axis_fall @ jnp.stack([square, square**2, square**3])
         return conditions.start_temperature + (temperature - conditions.start_temperature) * jnp.exp(fall)

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 from arfjax import simulate_heating
 from inverse.design.hmi_proposals import THERMOCOUPLE
@@ -173,6 +174,20 @@ def test_beside_the_axis_it_is_as_warm_as_the_simulation_has_it(problem, prepare
         np.testing.assert_allclose(np.exp(fall[0] - fall), now / now[0], atol=5e-3)
 
 
+def test_past_of_a_state_adds_up_to_its_rise(problem, prepared):
+    """Rates so long ago, summed over the last third of the sonication so far; between steps of the heat, a percent."""
+    conditions, course = problem.program.courses[0].conditions, problem.program.courses[0]
+    heating = simulate_heating(prepared.model, course.protocol, prepared.fast.curve.settings)
+    time, age, rate = (np.asarray(each) for each in (conditions.time, conditions.age, conditions.past_rise_rate))
+    recent = age[-1] < 0.33 * age[-1, -1]
+    ends = [np.interp(t, heating.time, heating.focal_temperature) for t in (time, time - age[:, recent][:, -1])]
+    late = time > 5.0
+    summed = trapezoid(rate[:, recent], age[:, recent], axis=1)
+    np.testing.assert_allclose(summed[late], (ends[0] - ends[1])[late], rtol=0.02)
+    np.testing.assert_allclose(rate[:, 0], conditions.rise_rate, rtol=1e-12)
+    np.testing.assert_allclose(age[:, -1], time, rtol=1e-12)
+
+
 def test_another_instrument_does_not_have_the_faults_of_the_first(problem):
     program = problem.program
     immune = [dataclasses.replace(course, immune=(THERMOCOUPLE,)) for course in program.courses]
@@ -222,7 +237,7 @@ def test_cause_is_fitted_by_the_simulation_as_it_is_right_there(problem):
     guess = np.array([0.2 * cause.plausible])
     known = {one.name: one.directions for one in alternatives_at(measured, null.unknowns) if one.shape is None}
     before, after = (
-        Refits(null.problem, null, known, 1e-2, corrected)((Extension(cause, 0.0),), white, guess, False)
+        Refits(null, known, (white,), size=1e-2, corrected=corrected)((Extension(cause, 0.0),), white, guess, False)
         for corrected in (False, True)
     )
     assert after.misfit < before.misfit

@@ -1,0 +1,41 @@
+"""Which states a fast curve learns its pushes from."""
+
+import numpy as np
+import pytest
+
+from arfjax.protocols.fast_curve import FEATURES
+from arfjax.protocols.fast_preparation import _box, _far_apart, _places, _States
+
+LENGTH, DIAMETER = -3, -2
+
+
+@pytest.fixture
+def states():
+    """Lesions of 0.1 to 20 mm, evenly on a logarithm, then a state without one; all else is the same."""
+    size = np.append(np.geomspace(1e-4, 2e-2, 300), 0.0)
+    values = np.tile(np.linspace(1.0, 2.0, len(FEATURES)), (len(size), 1))
+    values[:, LENGTH], values[:, DIAMETER] = size, 0.4 * size
+    present = np.ones(values.shape, dtype=bool)
+    present[-1, LENGTH:] = False
+    number = np.zeros(len(size), dtype=int)
+    return _States(number, number, np.full(len(size), 60.0), values, present)
+
+
+def test_largest_lesion_is_1_and_the_smallest_are_minus_1_and_none_is_below(states):
+    places = _places(states, _box(states), by_logarithm=True)
+    for size in (LENGTH, DIAMETER):
+        np.testing.assert_allclose(places[[-2, 0, -1], size], [1.0, -1.0, -1.5], atol=1e-12)
+        # Halfway on the logarithm, which begins at 3 percent of the largest.
+        half = np.argmin(np.abs(states.values[:-1, LENGTH] / 2e-2 - np.sqrt(0.03)))
+        assert abs(places[half, size]) < 0.02
+        assert np.all(np.diff(places[:-1, size]) >= 0.0)
+
+
+def test_by_the_logarithm_half_of_the_pushes_are_of_small_lesions(states):
+    small = {}
+    for by_logarithm in (False, True):
+        chosen = _far_apart(_places(states, _box(states), by_logarithm=by_logarithm), 12)
+        assert len(set(chosen.tolist())) == 12 and chosen[0] == 299
+        lesions = states.values[chosen, LENGTH][states.present[chosen, LENGTH]]
+        small[by_logarithm] = int(np.sum(lesions < np.sqrt(0.03) * 2e-2))
+    assert small[True] >= 5 and small[False] <= 3
