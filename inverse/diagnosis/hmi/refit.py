@@ -14,7 +14,7 @@ from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.screening import Alternative
 
 INTERVAL_LEVEL = 0.95
-_TOLERANCE = 1e-6
+_TOLERANCE = 1e-5
 """Relative change of the sum of squares at which a fit ends: far below what decides between causes."""
 _SETTLED = 3e-4
 """Relative change of the sum of squares below which slopes taken anew have found nothing more: for 60 readings a
