@@ -1,7 +1,7 @@
 """What the diagnosis takes for an effect, against the same effect as the blind generator simulates it.
 
-Same constants; another mesh, other steps, another code. Lengths and angles are those of what the constants and a factor
-of each sonication leave of an effect, in noise of one percent.
+Same constants; another mesh, other steps, another code. Compared is what the constants and a factor of each sonication
+leave of an effect, by its length in standard deviations of a noise of one percent, which is d'.
 """
 
 from pathlib import Path
@@ -27,15 +27,16 @@ STRENGTHS = {
     "thermal-decorrelation": 0.07,
     "output-drift": 0.1,
     "perfusion": 0.5,
-    "conductivity-change": 1.0,
-    "damage-law": 1.5,
+    "conductivity-change": 0.3,
+    "damage-law": 0.5,
     "attenuation-kinetics": 0.3,
 }
-"""Each about d' 2 to 7."""
+"""Of d' 1 to 5."""
 CONSTANTS = np.array([0.5, -0.3, 0.2, 0.4, -0.5, 0.3, -0.4, 0.2, 0.5])
-FULL, FAST = 0.97, 0.75
-"""Least cosines. Two meshes leave a tenth of d' 5 (measured: 0.97 and more in all), and the fast simulation, a percent
-off where a lesion begins, up to a third: at d' 4.5 less than half of what is found."""
+DETECTABLE = 4.5
+FULL, FAST = 1.0, 0.5 * DETECTABLE
+"""Largest d' of the difference. One standard deviation between two meshes is what noise hides; half of what is found is
+what the fast simulation may be off before it is corrected."""
 
 
 @pytest.fixture(scope="module")
@@ -51,10 +52,6 @@ def imitated(bench):
 
 def left_of(effect, imitated):
     return effect - imitated @ np.linalg.lstsq(imitated, effect, rcond=1e-9)[0]
-
-
-def cosine(one, other):
-    return float(one @ other / np.linalg.norm(one) / np.linalg.norm(other))
 
 
 def problem_at(bench, time):
@@ -99,8 +96,8 @@ def test_effect_is_what_the_diagnosis_looks_for(bench, imitated, name):
     unknowns[count + place] = TRUE_SHAPES.get(name, program.causes[place].shapes[0])
     full = left_of(program.simulate(unknowns) - program.simulate(without), imitated)
     fast = left_of(program.predict(unknowns) - program.predict(without), imitated)
-    lengths = [float(np.linalg.norm(one)) / blind.NOISE for one in (hidden, full, fast)]
-    found = [cosine(one, hidden) for one in (full, fast)]
-    said = f"{name}: d' {lengths[0]:.2f}, full {lengths[1]:.2f}, fast {lengths[2]:.2f}; cosines {found}"
-    assert found[0] >= FULL and found[1] >= FAST, said
-    assert lengths[1] == pytest.approx(lengths[0], rel=0.15), said
+    length, off, fast_off = (float(np.linalg.norm(one)) / blind.NOISE for one in (hidden, full - hidden, fast - hidden))
+    said = f"{name}: d' {length:.2f}; off by {off:.2f} in full, {fast_off:.2f} by the fast simulation"
+    assert off <= FULL and fast_off <= FAST, said
+    # An effect that is missing altogether would be off by its whole length.
+    assert off <= 0.5 * length, said

@@ -175,7 +175,7 @@ def test_beside_the_axis_it_is_as_warm_as_the_simulation_has_it(problem, prepare
 
 
 def test_past_of_a_state_adds_up_to_its_rise(problem, prepared):
-    """Rates so long ago, summed over the last third of the sonication so far; between steps of the heat, a percent."""
+    """Rates so long ago, summed over the last third so far; between steps of the heat, two percent."""
     conditions, course = problem.program.courses[0].conditions, problem.program.courses[0]
     heating = simulate_heating(prepared.model, course.protocol, prepared.fast.curve.settings)
     time, age, rate = (np.asarray(each) for each in (conditions.time, conditions.age, conditions.past_rise_rate))
