@@ -13,7 +13,7 @@ from arfjax import Heating, Model, StepwiseProtocol, focal_temperature_at
 from arfjax.media import Scalar
 from arfjax.thermal.dose import cumulative_equivalent_minutes
 from inverse.diagnosis.cause import Extension
-from inverse.diagnosis.hmi.cause import HmiCause, HmiConditions, unchanged
+from inverse.diagnosis.hmi.cause import HmiCause, HmiConditions, TissueChange, unchanged
 from inverse.diagnosis.hmi.simulation import Simulation
 
 _ANY_RISE = 30.0
@@ -52,21 +52,26 @@ class Course(eqx.Module):
 class Courses(eqx.Module):
     """Several courses as one, each filled up with its end to as many states as the longest has.
 
-    What is compiled for one of them then serves all: it takes a third of the time for three.
+    What is compiled for one of them then serves all: it takes a third of the time for three. Only states that a row
+    was measured in are pushed.
 
     Attributes:
         protocol: Of all, but for the temperature of their end.
         conditions: Arrays by course and state.
-        course: Of each row that they predict.
-        place: State of each of those rows in its course.
+        course: Of each state that is pushed.
+        place: Of that state in its course.
+        coldest: Of the states that are pushed, the coldest of the same course.
+        pushed: For each row, its state among those that are pushed.
         in_time: Whether states are known by their time alone.
         immune: Places of the chain that no cause can reach.
     """
 
     protocol: StepwiseProtocol
     conditions: HmiConditions
-    course: Int[Array, " row"]
-    place: Int[Array, " row"]
+    course: Int[Array, " state"]
+    place: Int[Array, " state"]
+    coldest: Int[Array, " state"]
+    pushed: Int[Array, " row"]
     in_time: bool = eqx.field(static=True)
     immune: tuple[str, ...] = eqx.field(static=True)
 
@@ -89,11 +94,16 @@ def _stacked(courses: Sequence[Course]) -> Courses:
             course.conditions,
         )
 
-    of = np.repeat(np.arange(len(courses)), [len(course.rows) for course in courses])
-    place = np.concatenate([np.asarray(course.places) for course in courses])
     conditions = jax.tree.map(lambda *each: jnp.stack(each), *(filled(course) for course in courses))
+    of_row = np.repeat(np.arange(len(courses)), [len(course.rows) for course in courses])
+    place_of_row = np.concatenate([np.asarray(course.places) for course in courses])
+    states, pushed = np.unique(np.stack([of_row, place_of_row], axis=-1), axis=0, return_inverse=True)
+    of, place = states.T
+    temperature = np.asarray(conditions.temperature)[of, place]
+    coldest = [np.flatnonzero(of == one)[np.argmin(temperature[of == one])] for one in of]
+    indices = (jnp.asarray(each) for each in (of, place, np.array(coldest), pushed.ravel()))
     protocol, in_time, immune = courses[0].kind
-    return Courses(protocol, conditions, jnp.asarray(of), jnp.asarray(place), in_time, immune)
+    return Courses(protocol, conditions, *indices, in_time, immune)
 
 
 def log_reported(
@@ -122,7 +132,7 @@ def log_reported(
         model = extension.cause.model(model, strength, extension.shape)
     heating, start = simulation.heating(model, courses.protocol), courses.protocol.start_temperature
 
-    def reported(conditions: HmiConditions) -> tuple[Array, Array]:
+    def heated(conditions: HmiConditions) -> tuple[tuple[Array, TissueChange, Array], Array]:
         nominal = reaching(heating, conditions.temperature[-1], start)
         temperature = focal_temperature_at(nominal, conditions.time) if courses.in_time else conditions.temperature
         change = unchanged(len(temperature))
@@ -130,14 +140,19 @@ def log_reported(
             temperature = extension.cause.temperature(temperature, conditions, strength, extension.shape)
             change = extension.cause.tissue(change, conditions, model, strength, extension.shape)
         real = reaching(heating, temperature[-1], start)
-        displacement, excess = simulation.displacement(model, change, temperature, real, courses.protocol)
-        relative = displacement / displacement[jnp.argmin(conditions.temperature)]
-        for extension, strength in zip(extensions, strengths, strict=True):
-            relative = extension.cause.measured(relative, conditions, strength, extension.shape)
-        return jnp.log(jnp.maximum(relative, _FASTEST_FALL)), jnp.max(excess)
+        share, excess = simulation.lesion(model, change, temperature, real, courses.protocol)
+        return (temperature, change, share), jnp.max(excess)
 
-    logarithm, excess = jax.lax.map(reported, courses.conditions)
-    return logarithm[courses.course, courses.place], jnp.max(excess)
+    states, excess = jax.lax.map(heated, courses.conditions)
+    (temperature, change, share), conditions = jax.tree.map(
+        lambda each: each[courses.course, courses.place] if each.ndim > 1 else each[courses.course],
+        (states, courses.conditions),
+    )
+    displacement = simulation.displacement(model, change, temperature, share, courses.protocol)
+    relative = displacement / displacement[courses.coldest]
+    for extension, strength in zip(extensions, strengths, strict=True):
+        relative = extension.cause.measured(relative, conditions, strength, extension.shape)
+    return jnp.log(jnp.maximum(relative, _FASTEST_FALL))[courses.pushed], jnp.max(excess)
 
 
 def reaching(heating: Heating, final: Scalar, start: float) -> Heating:

@@ -150,13 +150,13 @@ def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: C
     def corrected_there() -> HmiFit:
         on_step("full simulation where the fit is")
         near = null.problem.corrected_at(null.unknowns)
-        return fit_hmi(near, (), white, size=size, start=null.unknowns, slopes=null.slopes)
+        return fit_hmi(near, (), white, size=size, start=null.unknowns)
 
     if corrected:
         null = corrected_there()
     if problem.rows.deviation is None:
         size = noise_size(null)
-        null = fit_hmi(null.problem, (), white, size=size, start=null.unknowns, slopes=null.slopes, again=False)
+        null = fit_hmi(null.problem, (), white, size=size, start=null.unknowns)
     on_step("fitting from another start")
     start = problem.program.null()
     spread = 0.5 * np.random.default_rng(seed).standard_normal(len(problem.program.start))

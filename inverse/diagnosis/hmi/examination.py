@@ -1,7 +1,7 @@
 """Curves of displacement examined."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -50,8 +50,7 @@ def examine_hmi(
     forms, places = hmi_free_forms(problem.rows, problem.rows.log_displacement - residuals / problem.weights)
     forms = [dataclasses.replace(one, directions=problem.weights[:, None] * one.directions) for one in forms]
 
-    known = {one.name: one.directions for one in found if one.shape is None}
-    refits = Refits(null, known, family, size=size, corrected=corrected)
+    refits = Refits(null, family, size=size, corrected=corrected)
 
     def extend(added: Sequence[Alternative], noise: Noise) -> Refitted:
         extensions = [extension_of(causes, one) for one in added]
@@ -76,25 +75,16 @@ class Refits:
     simulation covers stay as they are.
     """
 
-    def __init__(
-        self,
-        null: HmiFit,
-        known: Mapping[str, Float[np.ndarray, "row 1"]],
-        family: Sequence[Noise],
-        *,
-        size: float,
-        corrected: bool,
-    ) -> None:
+    def __init__(self, null: HmiFit, family: Sequence[Noise], *, size: float, corrected: bool) -> None:
         """Begin.
 
         Args:
             null: The fit without causes.
-            known: Derivative in the strength of each cause without shapes, at that fit.
             family: Noise members.
             size: Of the noise, in units of the weights.
             corrected: Whether to correct the fast simulation.
         """
-        self._null, self._known, self._family = null, known, tuple(family)
+        self._null, self._family = null, tuple(family)
         self._size, self._corrected = size, corrected
         self._near: dict[tuple[str, ...], HmiFit] = {}
         self._done: dict[tuple[tuple[str, ...], int], HmiFit] = {}
@@ -118,37 +108,24 @@ class Refits:
 
     def _first(self, extensions, noise, start) -> HmiFit:
         null = self._null
-        found = fit_hmi(
-            null.problem, extensions, noise,
-            size=self._size, start=null.unknowns, strengths=start, slopes=self._slopes(extensions),
-        )  # fmt: skip
+        found = fit_hmi(null.problem, extensions, noise, size=self._size, start=null.unknowns, strengths=start)
         if not self._corrected or found.excess > 1.0:
             return found
-        return self._from(found, noise, problem=null.problem.corrected_at(found.unknowns), again=False)
+        return self._from(found, noise, problem=null.problem.corrected_at(found.unknowns))
 
-    def _from(
-        self, fit: HmiFit, noise: Noise, *, problem: HmiDiagnosisProblem | None = None, again: bool = True
-    ) -> HmiFit:
+    def _from(self, fit: HmiFit, noise: Noise, *, problem: HmiDiagnosisProblem | None = None) -> HmiFit:
         """The same extensions once more, from where they came out."""
         return fit_hmi(
             fit.problem if problem is None else problem, fit.extensions, noise,
-            size=self._size, start=fit.unknowns, strengths=fit.strengths, slopes=fit.slopes, again=again,
+            size=self._size, start=fit.unknowns, strengths=fit.strengths,
         )  # fmt: skip
-
-    def _slopes(self, extensions) -> Float[np.ndarray, "row moved"] | None:
-        """At the fit without causes."""
-        if any(extension.has_shape for extension in extensions):
-            return None
-        # The program counts strengths in plausible ones.
-        own = [self._known[extension.cause.name] * extension.cause.plausible for extension in extensions]
-        return np.concatenate([*own, self._null.slopes], axis=1)
 
 
 def _in_its_noise(problem: HmiDiagnosisProblem, null: HmiFit, family: Sequence[Noise], size: float) -> HmiFit:
     """The model fitted in the likeliest kind of noise, see `examine_dma`."""
     _, member, _ = Screen(null.directions, (), family).noise_evidence(null.residuals[:, None])
     noise = family[member[0]]
-    return null if noise.is_white else fit_hmi(problem, (), noise, size=size, start=null.unknowns, slopes=null.slopes)
+    return null if noise.is_white else fit_hmi(problem, (), noise, size=size, start=null.unknowns)
 
 
 def noise_size(fit: HmiFit) -> float:

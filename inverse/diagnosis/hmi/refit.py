@@ -14,13 +14,10 @@ from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.screening import Alternative
 
 INTERVAL_LEVEL = 0.95
-_TOLERANCE = 1e-5
-"""Relative change of the sum of squares at which a fit ends: far below what decides between causes."""
-_SETTLED = 3e-4
-"""Relative change of the sum of squares below which slopes taken anew have found nothing more: for 60 readings a
-hundredth of a log likelihood."""
-_MOST_SLOPES = 8
-_MOST_EVALUATIONS = 40
+_TOLERANCE = 1e-4
+"""Relative change of the sum of squares at which a fit ends; what is left then is less, and far below what decides
+between causes."""
+_MOST_STEPS = 40
 _SMALL = 1e-3
 """Part of the plausible strength at which one that cannot be negative starts at least."""
 _FARTHEST = 8.0
@@ -58,11 +55,6 @@ class HmiFit:
     converged: bool
     status: str
 
-    @property
-    def slopes(self) -> Float[np.ndarray, "row moved"]:
-        """Derivative in what moved, the factors left out: for a fit that begins here."""
-        return self.directions[:, : self.directions.shape[1] - self.problem.factors.shape[1]]
-
 
 def fit_hmi(
     problem: HmiDiagnosisProblem,
@@ -73,8 +65,6 @@ def fit_hmi(
     start: Float[np.ndarray, " unknown"] | None = None,
     strengths: Float[np.ndarray, " extension"] | None = None,
     used: Bool[np.ndarray, " row"] | None = None,
-    slopes: Float[np.ndarray, "row moved"] | None = None,
-    again: bool = True,
 ) -> HmiFit:
     """Fit all constants, strengths and shapes together, with the priors of the constants.
 
@@ -86,29 +76,8 @@ def fit_hmi(
         start: Unknowns to start from; the priors' middle without.
         strengths: First guess of the strengths, in their units.
         used: Rows to fit; all without.
-        slopes: Derivative of the weighted prediction near the start in all that moves (strengths, shapes that there
-            are, constants, as the program counts them), where it is known.
-        again: Whether slopes are taken anew where the steps end; without, those given are followed to the end, which
-            does for a fit that begins where another ended.
     """
-    return _Fitting(problem, tuple(extensions), noise, size, used).run(start, strengths, slopes, again)
-
-
-class _Followed:
-    """A derivative that is followed from step to step by what the steps showed (Broyden 1965)."""
-
-    def __init__(self, residuals, part, slopes) -> None:
-        self.residuals, self.part, self.slopes = residuals, part.copy(), slopes
-        self.value = residuals(part).copy()
-
-    def __call__(self, part):
-        step, value = part - self.part, self.residuals(part)
-        square = float(step @ step)
-        if square > 0.0:
-            missing = value - self.value - self.slopes @ step
-            self.slopes = self.slopes + np.outer(missing, step) / square
-            self.part, self.value = part.copy(), value.copy()
-        return self.slopes
+    return _Fitting(problem, tuple(extensions), noise, size, used).run(start, strengths)
 
 
 class _Fitting:
@@ -129,51 +98,35 @@ class _Fitting:
         felt = white[:, np.linalg.norm(white, axis=0) > 0.0]
         self.basis = np.linalg.qr(felt)[0]
 
-    def run(self, start, strengths, slopes, again) -> HmiFit:
-        """Least squares along slopes that are followed from step to step, and taken anew where the steps end.
-
-        The derivative of a simulation takes as long as twenty simulations: a fit that takes it in every step, ten of
-        them, spends nearly all its time there.
-        """
+    def run(self, start, strengths) -> HmiFit:
+        """Least squares with exact derivatives in every step: they take as long as five simulations."""
         first = self._first(start, strengths)
         lower, upper = self._bounds()
-        kept: dict[bytes, np.ndarray] = {}
+        # The derivatives where the last step ended are wanted again.
+        taken: dict[bytes, np.ndarray] = {}
 
         def whole(part):
             unknowns = first.copy()
             unknowns[self.moved] = part
             return unknowns
 
-        def residuals(part):
-            if (key := part.tobytes()) not in kept:
-                kept.clear()
-                kept[key] = self._stacked(whole(part))
-            return kept[key]
+        def slopes(part):
+            if (key := part.tobytes()) not in taken:
+                taken.clear()
+                taken[key] = self.problem.slopes(whole(part), self.moved.tolist())
+            return taken[key]
 
-        part, bounds = np.clip(first, lower, upper)[self.moved], (lower[self.moved], upper[self.moved])
-        cost, converged, status = 0.5 * float(np.sum(residuals(part) ** 2)), False, ""
-        plain = slopes if slopes is not None else self.problem.slopes(whole(part), self.moved.tolist())
-        for _ in range(_MOST_SLOPES):
-            solution = optimize.least_squares(
-                residuals,
-                part,
-                jac=_Followed(residuals, part, self._stacked_slopes(plain, whole(part))),  # pyright: ignore[reportArgumentType]
-                bounds=bounds,
-                x_scale="jac",
-                ftol=_TOLERANCE,
-                xtol=1e-8,
-                max_nfev=_MOST_EVALUATIONS,
-            )
-            gained, cost = cost - float(solution.cost), float(solution.cost)
-            settled = gained <= _SETTLED * cost and slopes is None
-            part, status = solution.x, str(solution.message)
-            if settled or not again:
-                converged = bool(solution.success)
-                break
-            slopes, plain = None, self.problem.slopes(whole(part), self.moved.tolist())
-        else:
-            status = f"slopes taken anew for the {_MOST_SLOPES}th time still found a better fit"
-        return self._result(whole(part), plain, converged, status)
+        solution = optimize.least_squares(
+            lambda part: self._stacked(whole(part)),
+            self._possible(np.clip(first, lower, upper))[self.moved],
+            jac=lambda part: self._stacked_slopes(slopes(part), whole(part)),  # pyright: ignore[reportArgumentType]
+            bounds=(lower[self.moved], upper[self.moved]),
+            x_scale="jac",
+            ftol=_TOLERANCE,
+            xtol=1e-8,
+            max_nfev=_MOST_STEPS,
+        )
+        return self._result(whole(solution.x), slopes(solution.x), bool(solution.success), str(solution.message))
 
     def _first(self, start, strengths) -> Float[np.ndarray, " unknown"]:
         first = self.program.null() if start is None else start.copy()
@@ -184,6 +137,12 @@ class _Fitting:
             first[self.strengths] = np.where(one_sided, np.maximum(guess, _SMALL), guess)
             first[self.shapes] = [float(e.shape) for e in self.extensions]
         return first
+
+    def _possible(self, unknowns) -> Float[np.ndarray, " unknown"]:
+        """With strengths so small that there is such a tissue: a first guess along a line may go beyond."""
+        while not np.all(np.isfinite(self._stacked(unknowns))) and np.any(np.abs(unknowns[self.strengths]) > _SMALL):
+            unknowns[self.strengths] *= 0.5
+        return unknowns
 
     def _bounds(self):
         program = self.program
