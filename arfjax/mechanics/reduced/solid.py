@@ -135,14 +135,20 @@ _Pushed = tuple[ReducedSolid, ViscoelasticField, ViscoelasticField, Float[Array,
 
 @eqx.filter_custom_jvp
 def _pushed(given: _Pushed, settings: PushSettings) -> Float[Array, ""]:
-    return _march(*given, settings)
+    solid, outside, inside, force = given
+    return _march(solid, outside, inside, force, settings)
 
 
 @_pushed.def_jvp
 def _pushed_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     (given, settings), (directions, _) = primals, tangents
     moved, fixed = eqx.partition(given, jax.tree.map(lambda each: each is not None, directions, is_leaf=_is_none))
-    value, gradient = jax.value_and_grad(lambda moved: _march(*eqx.combine(moved, fixed), settings))(moved)
+
+    def displacement(moved: _Pushed) -> Float[Array, ""]:
+        solid, outside, inside, force = eqx.combine(moved, fixed)
+        return _march(solid, outside, inside, force, settings)
+
+    value, gradient = jax.value_and_grad(displacement)(moved)
     along = jax.tree.map(lambda slope, direction: jnp.sum(slope * direction), gradient, directions)
     return value, sum(jax.tree.leaves(along), jnp.zeros_like(value))
 

@@ -101,9 +101,17 @@ def _stacked(courses: Sequence[Course]) -> Courses:
     of, place = states.T
     temperature = np.asarray(conditions.temperature)[of, place]
     coldest = [np.flatnonzero(of == one)[np.argmin(temperature[of == one])] for one in of]
-    indices = (jnp.asarray(each) for each in (of, place, np.array(coldest), pushed.ravel()))
     protocol, in_time, immune = courses[0].kind
-    return Courses(protocol, conditions, *indices, in_time, immune)
+    return Courses(
+        protocol=protocol,
+        conditions=conditions,
+        course=jnp.asarray(of),
+        place=jnp.asarray(place),
+        coldest=jnp.asarray(np.array(coldest)),
+        pushed=jnp.asarray(pushed.ravel()),
+        in_time=in_time,
+        immune=immune,
+    )
 
 
 def log_reported(

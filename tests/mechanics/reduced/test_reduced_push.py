@@ -9,7 +9,7 @@ from arfjax import InputError, Mesh, PushSettings, Zener, solve_push
 from arfjax.mechanics.material.inclusion import material_of, mixed
 from arfjax.mechanics.material.viscoelastic import YoungModulus
 from arfjax.mechanics.reduced.basis import Sample, principal_shapes, push_snapshots, reduced_force, with_points
-from arfjax.mechanics.reduced.solid import reduced_push
+from arfjax.mechanics.reduced.solid import _march, reduced_push
 from tests.checks import assert_gradient
 
 MESH = Mesh(np.linspace(0.0, 3e-3, 4), np.linspace(0.0, 6e-3, 7))
@@ -129,6 +129,23 @@ def test_gradient():
         return reduced_push(solid, around, inside, force, STEPS)
 
     assert_gradient(displacement, (material(jnp.zeros((1, 1))), inside_of(solid, inclusion), work))
+
+
+def test_many_directions_have_the_slopes_of_going_through_the_steps():
+    inclusion = material(elements_within())
+    solid, work = reduced(inclusion, n_modes=8, tolerance=1e-3)
+    around, inside = material(jnp.zeros((1, 1))), inside_of(solid, inclusion)
+    forces = jnp.asarray(np.random.default_rng(0).normal(size=(5, len(work))) * np.abs(np.asarray(work)))
+
+    def slopes(push):
+        def along(force):
+            # Stiffness, too, so that several arguments move at once, and one does not.
+            change = jax.tree.map(lambda each: 0.1 * each, inside)
+            return jax.jvp(lambda i, f: push(solid, around, i, f, STEPS), (inside, work), (change, force))[1]
+
+        return jax.jit(jax.vmap(along))(forces)
+
+    np.testing.assert_allclose(slopes(reduced_push), slopes(_march), rtol=1e-10)
 
 
 def test_points_need_an_inclusion():

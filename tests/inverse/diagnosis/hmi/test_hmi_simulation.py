@@ -136,7 +136,7 @@ def test_rows_left_out_say_nothing(problem):
     assert np.max(np.abs(fit.residuals[used])) < 1e-5 and np.min(fit.residuals[~used]) > 4.9
 
 
-def test_slopes_that_were_followed_end_where_exact_ones_do(problem):
+def test_where_a_fit_ends_nothing_leads_downhill(problem):
     hidden, _ = measured_with(problem, DRIFT, 2.0, noise=0.01, seed=2)
     fit = fit_hmi(hidden, (), white(hidden), size=0.01)
     basis = np.linalg.qr(hidden.factors)[0]
@@ -146,6 +146,16 @@ def test_slopes_that_were_followed_end_where_exact_ones_do(problem):
     gradient = penalties @ hidden.program.penalties(fit.unknowns) - projected.T @ fit.residuals
     scale = np.linalg.norm(projected, axis=0) * np.linalg.norm(fit.residuals) + 0.01**2
     assert np.max(np.abs(gradient) / scale) < 0.02
+
+
+def test_first_guess_of_a_tissue_that_cannot_be_is_taken_back(problem):
+    hidden, _ = measured_with(problem, "attenuation-kinetics", -0.5)
+    cause = next(cause for cause in problem.program.causes if cause.name == "attenuation-kinetics")
+    guess = np.array([-5.0])  # attenuation would be negative
+    assert not np.all(np.isfinite(at_strength(problem, cause, guess[0] / cause.plausible)[1]))
+    fit = fit_hmi(hidden, (Extension(cause, 0.0),), white(hidden), size=1e-6, strengths=guess)
+    assert fit.converged
+    np.testing.assert_allclose(fit.strengths, [-0.5 * cause.plausible], rtol=2e-3)
 
 
 def test_alternatives_count_in_the_causes_own_unit(problem):
