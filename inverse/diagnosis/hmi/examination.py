@@ -71,7 +71,7 @@ class Refits:
 
     Where a lesion begins the fast simulation is a percent off, and a cause that moves its beginning takes the data
     along the wrong curve. So the first fit of some causes is done twice, the second time by the fast simulation as it
-    is right where the first came out; in other noise they are fitted from there. Fits outside of what the fast
+    is right where the first came out; in other noise they are fitted from there. Fits outside of what either
     simulation covers stay as they are.
     """
 
@@ -111,7 +111,9 @@ class Refits:
         found = fit_hmi(null.problem, extensions, noise, size=self._size, start=null.unknowns, strengths=start)
         if not self._corrected or found.excess > 1.0:
             return found
-        return self._from(found, noise, problem=null.problem.corrected_at(found.unknowns))
+        corrected = null.problem.corrected_at(found.unknowns)
+        # There may be no such tissue at all points of the full simulation.
+        return self._from(found, noise, problem=corrected) if np.all(np.isfinite(corrected.correction)) else found
 
     def _from(self, fit: HmiFit, noise: Noise, *, problem: HmiDiagnosisProblem | None = None) -> HmiFit:
         """The same extensions once more, from where they came out."""
