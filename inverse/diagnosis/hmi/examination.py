@@ -112,8 +112,10 @@ class Refits:
         if not self._corrected or found.excess > 1.0:
             return found
         corrected = null.problem.corrected_at(found.unknowns)
-        # There may be no such tissue at all points of the full simulation.
-        return self._from(found, noise, problem=corrected) if np.all(np.isfinite(corrected.correction)) else found
+        if not np.all(np.isfinite(corrected.correction)):
+            status = "the full simulation has no such tissue: not corrected to it"
+            return dataclasses.replace(found, converged=False, status=status)
+        return self._from(found, noise, problem=corrected)
 
     def _from(self, fit: HmiFit, noise: Noise, *, problem: HmiDiagnosisProblem | None = None) -> HmiFit:
         """The same extensions once more, from where they came out."""
