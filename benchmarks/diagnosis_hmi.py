@@ -32,10 +32,11 @@ from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.datasets.shipped import shipped
 from inverse.diagnosis import HMI_CAUSES, Diagnosis, diagnose_hmi
 from inverse.diagnosis.hmi.account import HmiAccount
+from inverse.diagnosis.hmi.examination import noise_size
 from inverse.diagnosis.hmi.prepare import PreparedHmi, hmi_problem_of, prepare_hmi
-from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem, HmiProgram
-from inverse.diagnosis.hmi.refit import alternatives_at
+from inverse.diagnosis.hmi.program import HmiProgram
 from inverse.diagnosis.noise import noise_family
+from inverse.diagnosis.screening import Alternative
 from inverse.inference.experiment import inference_settings
 from tests.blind import hmi_generator as blind
 
@@ -126,19 +127,20 @@ def design(bench: Bench, seed: int) -> Design:
     account = diagnosed(bench, measured(bench, Condition("null", "none", 0.0), seed)[0], seed).account
     assert isinstance(account, HmiAccount)
     problem, null = account.problem, account.null
+    looked_for = problem.alternatives(null.unknowns, null.directions, noise_size(null))
     return Design(
         null.directions,
-        visible(alternatives_at(problem, null.unknowns), null.directions),
-        {name: _truth(problem, null.unknowns, name) for name in blind.EFFECTS},
+        visible(looked_for, null.directions),
+        {name: _truth(looked_for, name) for name in blind.EFFECTS},
         noise_family(problem.orderings(), problem.coordinate()),
     )
 
 
-def _truth(problem: HmiDiagnosisProblem, unknowns: np.ndarray, name: str) -> np.ndarray:
-    program, at = problem.program, unknowns.copy()
-    place = program.place(name)
-    at[len(program.causes) + place] = TRUE_SHAPES.get(name, program.causes[place].shapes[0])
-    return problem.slopes(at, [place])
+def _truth(looked_for: list[Alternative], name: str) -> np.ndarray:
+    """The effect of a positive strength, in the shape nearest to the generator's."""
+    mine = [one for one in looked_for if one.name == name]
+    shape = TRUE_SHAPES.get(name, 0.0)
+    return min(mine, key=lambda one: abs((one.shape or 0.0) - shape)).directions
 
 
 def one_set(condition: Condition, seed: int, bench: Bench | None = None) -> dict:

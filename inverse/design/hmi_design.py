@@ -198,4 +198,4 @@ def _joined(fitted: _Fitted, proposal: HmiProposal) -> HmiDiagnosisProblem:
         file_row=np.append(rows.file_row, np.full(len(more), -1)),
     )
     program = problem.program.on([*problem.program.courses, *moved])
-    return HmiDiagnosisProblem(joined, program, np.zeros(len(joined)), problem.notes)
+    return HmiDiagnosisProblem(joined, program, problem.notes)

@@ -89,7 +89,7 @@ class HmiCause(Cause):
     """A named cause of misfit of a curve of displacement.
 
     Attributes:
-        largest: Strength beyond which nothing is known of the effect.
+        largest: Strength, of either sign, beyond which nothing is known of the effect.
     """
 
     largest: ClassVar[float] = float("inf")

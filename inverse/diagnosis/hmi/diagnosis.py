@@ -23,8 +23,9 @@ from inverse.diagnosis.hmi.prepare import (
     hmi_problem_of,
     prepare_hmi,
 )
-from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem, HmiProgram
-from inverse.diagnosis.hmi.refit import HmiFit, fit_hmi
+from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
+from inverse.diagnosis.hmi.program import HmiProgram
+from inverse.diagnosis.hmi.refit import HmiFit, fit_hmi, fit_in_full
 from inverse.diagnosis.noise import Noise, noise_family
 from inverse.diagnosis.where import Axis
 from inverse.inference.experiment import inference_settings
@@ -65,7 +66,7 @@ def diagnose_hmi(
         replicates: Data sets of noise alone that error rates are calibrated on.
         gain: Whether to measure the held-out gain.
         effort: How much goes into the fast simulation.
-        discretisation: Of the full simulation that the fast one learns from; refinement 2 if not given.
+        discretisation: Of the full simulation that the fast one learns from; see `prepare_hmi` if not given.
         prepared: The fast simulation, where there is one of these sonications already.
         program: Compiled already, for other data measured in the same states.
         on_step: Told what is being done.
@@ -142,33 +143,28 @@ def _require_enough(rows: HmiRows, constants: int) -> None:
 
 
 def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: Callable[[str], None]):
-    """The null fit, corrected to the full simulation where it came out; the noise; what the fit says against itself."""
+    """The null fit, by the full simulation where it came out; the noise; what the fit says against itself."""
     white = noise_family(problem.orderings(), problem.coordinate())[0]
     size = 1.0 if problem.rows.deviation is not None else _FIRST_SIZE
     null = fit_hmi(problem, (), white, size=size)
-
-    def corrected_there() -> HmiFit:
-        on_step("full simulation where the fit is")
-        near = null.problem.corrected_at(null.unknowns)
-        return fit_hmi(near, (), white, size=size, start=null.unknowns)
-
-    if corrected:
-        null = corrected_there()
     if problem.rows.deviation is None:
         size = noise_size(null)
-        null = fit_hmi(null.problem, (), white, size=size, start=null.unknowns)
+        null = fit_hmi(problem, (), white, size=size, start=null.unknowns)
     on_step("fitting from another start")
     start = problem.program.null()
     spread = 0.5 * np.random.default_rng(seed).standard_normal(len(problem.program.start))
     start[problem.program.constants] += spread * problem.program.spreads
-    other = fit_hmi(null.problem, (), white, size=size, start=start)
-    audit = _audit(null, other, size)
+    other = fit_hmi(problem, (), white, size=size, start=start)
+    remarks = _disagreement(null, other, size)
     if other.converged and _cost(other, size) < _cost(null, size):
         null = other
     if corrected:
-        # Once more: a cause's fit is corrected where it came out, and none should be better for that alone.
-        null = corrected_there()
-    return null, size, audit
+        on_step("full simulation where the fit is")
+        null = fit_in_full(problem, (), white, size=size, start=null.unknowns)
+        if problem.rows.deviation is None:
+            size = noise_size(null)
+            null = fit_hmi(null.problem, (), white, size=size, start=null.unknowns)
+    return null, size, (*remarks, *_audit(null))
 
 
 def _cost(fit: HmiFit, size: float) -> float:
@@ -176,13 +172,17 @@ def _cost(fit: HmiFit, size: float) -> float:
     return fit.misfit + size**2 * float(np.sum(fit.problem.program.penalties(fit.unknowns) ** 2))
 
 
-def _audit(null: HmiFit, other: HmiFit, size: float) -> tuple[str, ...]:
-    problem, remarks = null.problem, []
-    if abs(_cost(other, size) - _cost(null, size)) > _AGREEMENT * null.misfit / len(problem.rows):
-        remarks.append("Fits from two starts do not agree: the better one is used.")
+def _disagreement(null: HmiFit, other: HmiFit, size: float) -> tuple[str, ...]:
+    if abs(_cost(other, size) - _cost(null, size)) > _AGREEMENT * null.misfit / len(null.problem.rows):
+        return ("Fits from two starts do not agree: the better one is used.",)
+    return ()
+
+
+def _audit(null: HmiFit) -> tuple[str, ...]:
+    problem = null.problem
     far = np.abs(problem.program.penalties(null.unknowns))
     names = problem.program.parameters.names
-    remarks += [
+    remarks = [
         f"{name} comes out {distance:.1f} standard deviations from what was believed of it."
         for name, distance in zip(names, far, strict=True)
         if distance > 2.5

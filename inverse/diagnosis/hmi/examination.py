@@ -12,7 +12,7 @@ from inverse.diagnosis.examination import Examined, extension_of, linear_strengt
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.free_forms import hmi_free_forms
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
-from inverse.diagnosis.hmi.refit import HmiFit, alternatives_at, fit_hmi
+from inverse.diagnosis.hmi.refit import HmiFit, fit_hmi, fit_in_full
 from inverse.diagnosis.noise import Noise, noise_family
 from inverse.diagnosis.screening import Alternative, Screen
 
@@ -45,7 +45,7 @@ def examine_hmi(
     freedom = max(len(residuals) - fitted.shape[1], 1)
     spread = float(np.sqrt(np.sum(residuals**2) / freedom))
     names = {cause.name for cause in causes}
-    found = [one for one in alternatives_at(problem, null.unknowns) if one.name in names]
+    found = [one for one in problem.alternatives(null.unknowns, fitted, spread) if one.name in names]
     seen, not_testable = visible_alternatives(found, fitted, spread, causes)
     forms, places = hmi_free_forms(problem.rows, problem.rows.log_displacement - residuals / problem.weights)
     forms = [dataclasses.replace(one, directions=problem.weights[:, None] * one.directions) for one in forms]
@@ -58,7 +58,9 @@ def examine_hmi(
         inside = {one.name for one in added}
         # The other causes as they are without this one: to follow it they would take longer than all fits together.
         others = [one for one in found if one.name not in inside]
-        return Refitted(refit.residuals, refit.directions, refit.misfit, others)
+        # Outside of what is known of the simulation a fit is worth no more than one without the cause.
+        misfit = refit.misfit if refit.converged else max(refit.misfit, null.misfit)
+        return Refitted(refit.residuals, refit.directions, misfit, others)
 
     decision = decide(residuals, fitted, seen, forms, family, rng, extend=extend, level=level, replicates=replicates)
     return Examined(
@@ -67,13 +69,7 @@ def examine_hmi(
 
 
 class Refits:
-    """Fits of the simulation with causes in it, each done once.
-
-    Where a lesion begins the fast simulation is a percent off, and a cause that moves its beginning takes the data
-    along the wrong curve. So the first fit of some causes is done twice, the second time by the fast simulation as it
-    is right where the first came out; in other noise they are fitted from there. Fits outside of what either
-    simulation covers stay as they are.
-    """
+    """Fits of the full simulation with causes in it, each done once; in other noise from where it came out."""
 
     def __init__(self, null: HmiFit, family: Sequence[Noise], *, size: float, corrected: bool) -> None:
         """Begin.
@@ -108,21 +104,15 @@ class Refits:
 
     def _first(self, extensions, noise, start) -> HmiFit:
         null = self._null
-        found = fit_hmi(null.problem, extensions, noise, size=self._size, start=null.unknowns, strengths=start)
-        if not self._corrected or found.excess > 1.0:
-            return found
-        corrected = null.problem.corrected_at(found.unknowns)
-        if not np.all(np.isfinite(corrected.correction)):
-            status = "the full simulation has no such tissue: not corrected to it"
-            return dataclasses.replace(found, converged=False, status=status)
-        return self._from(found, noise, problem=corrected)
+        fit = fit_in_full if self._corrected else fit_hmi
+        return fit(null.problem, extensions, noise, size=self._size, start=null.unknowns, strengths=start)
 
-    def _from(self, fit: HmiFit, noise: Noise, *, problem: HmiDiagnosisProblem | None = None) -> HmiFit:
+    def _from(self, fit: HmiFit, noise: Noise) -> HmiFit:
         """The same extensions once more, from where they came out."""
-        return fit_hmi(
-            fit.problem if problem is None else problem, fit.extensions, noise,
-            size=self._size, start=fit.unknowns, strengths=fit.strengths,
+        again = fit_hmi(
+            fit.problem, fit.extensions, noise, size=self._size, start=fit.unknowns, strengths=fit.strengths
         )  # fmt: skip
+        return again if fit.converged else dataclasses.replace(again, converged=False, status=fit.status)
 
 
 def _in_its_noise(problem: HmiDiagnosisProblem, null: HmiFit, family: Sequence[Noise], size: float) -> HmiFit:

@@ -4,14 +4,13 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy import optimize, stats
 
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.screening import Alternative
 
 INTERVAL_LEVEL = 0.95
 _TOLERANCE = 1e-4
@@ -20,6 +19,10 @@ between causes."""
 _MOST_STEPS = 40
 _SMALL = 1e-3
 """Part of the plausible strength at which one that cannot be negative starts at least."""
+_MOST_CORRECTIONS = 3
+_SETTLED = 0.5
+"""What the full simulation may have more than the corrected one where a fit came out, in standard deviations of the
+noise all together (d'), for the fit to count as one of the full simulation."""
 _FARTHEST = 8.0
 """Unconstrained numbers are kept within this many of the priors' spreads of their middle."""
 
@@ -41,6 +44,7 @@ class HmiFit:
         excess: How far outside of the fast model's range, above 1; covered up to 1.
         converged: Whether it did, inside that range.
         status: The outcome in words.
+        left: How far the full simulation is from the corrected one there, as d'; NaN where it was not asked.
     """
 
     problem: HmiDiagnosisProblem
@@ -54,6 +58,47 @@ class HmiFit:
     excess: float
     converged: bool
     status: str
+    left: float = float("nan")
+
+
+def fit_in_full(
+    problem: HmiDiagnosisProblem,
+    extensions: Sequence[Extension[HmiCause]],
+    noise: Noise,
+    *,
+    size: float,
+    start: Float[np.ndarray, " unknown"],
+    strengths: Float[np.ndarray, " extension"] | None = None,
+) -> HmiFit:
+    """`fit_hmi` by the full simulation: corrected to it where the fit comes out, as often as the fit moves from there.
+
+    Where a lesion begins the fast simulation is a percent off, and what moves its beginning is off by more. A fit
+    outside of what either simulation covers stays as it is.
+
+    Args:
+        problem: Data and simulation.
+        extensions: As for `fit_hmi`.
+        noise: As for `fit_hmi`.
+        size: As for `fit_hmi`.
+        start: Unknowns to start from.
+        strengths: First guess of the strengths, in their units.
+    """
+    found = fit_hmi(problem, extensions, noise, size=size, start=start, strengths=strengths)
+    for _ in range(_MOST_CORRECTIONS):
+        if found.excess > 1.0:
+            return found
+        near = problem.corrected_at(found.unknowns, moved_by(problem, found.extensions))
+        if near.correction is None or not near.correction.is_finite:
+            status = "the full simulation has no such tissue: not corrected to it"
+            return dataclasses.replace(found, converged=False, status=status)
+        found = fit_hmi(
+            near, found.extensions, noise, size=size, start=found.unknowns, strengths=found.strengths
+        )  # fmt: skip
+        left = float(np.linalg.norm(near.left(found.unknowns))) / size
+        found = dataclasses.replace(found, left=left)
+        if left <= _SETTLED:
+            break
+    return found
 
 
 def fit_hmi(
@@ -90,8 +135,7 @@ class _Fitting:
         self.strengths = np.array([program.place(e.cause.name) for e in extensions], dtype=int)
         self.shapes = self.strengths + len(program.causes)
         self.scales = np.array([e.cause.plausible for e in extensions])
-        shaped = self.shapes[[e.has_shape for e in extensions]] if extensions else self.shapes
-        self.moved = np.concatenate([self.strengths, shaped, program.constants]).astype(int)
+        self.moved = moved_by(problem, extensions)
         self.mask = np.ones(len(problem.rows)) if used is None else used.astype(float)
         # Rows that are left out weigh nothing; correlation with them is left out with them.
         white = self._white(problem.weights[:, None] * problem.factors)
@@ -150,8 +194,8 @@ class _Fitting:
         lower[program.constants] = program.start - _FARTHEST * program.spreads
         upper[program.constants] = program.start + _FARTHEST * program.spreads
         for strength, shape, extension in zip(self.strengths, self.shapes, self.extensions, strict=True):
-            lower[strength] = 0.0 if extension.cause.sign > 0 else -np.inf
-            upper[strength] = extension.cause.largest / extension.cause.plausible
+            largest = extension.cause.largest / extension.cause.plausible
+            lower[strength], upper[strength] = 0.0 if extension.cause.sign > 0 else -largest, largest
             lower[shape], upper[shape] = extension.cause.shapes[0], extension.cause.shapes[-1]
         return lower, upper
 
@@ -212,30 +256,21 @@ class _Fitting:
         )
 
 
+def moved_by(problem: HmiDiagnosisProblem, extensions: Sequence[Extension[HmiCause]]) -> Int[np.ndarray, " moved"]:
+    """Places of what a fit with extensions moves: their strengths, then shapes, then all constants."""
+    program = problem.program
+    strengths = [program.place(extension.cause.name) for extension in extensions]
+    shapes = [
+        place + len(program.causes)
+        for place, extension in zip(strengths, extensions, strict=True)
+        if extension.has_shape
+    ]
+    return np.array([*strengths, *shapes, *program.constants], dtype=int)
+
+
 def _errors(jacobian: Float[np.ndarray, "n p"], size: float) -> Float[np.ndarray, " p"]:
     """Standard errors of all unknowns, priors included."""
     lengths = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     _, singular, directions = np.linalg.svd(jacobian / lengths, full_matrices=False)
     kept = singular > 1e-9 * singular[0]
     return size * np.sqrt(np.sum((directions[kept] / singular[kept, None]) ** 2, axis=0)) / lengths
-
-
-def alternatives_at(problem: HmiDiagnosisProblem, unknowns: Float[np.ndarray, " unknown"]) -> list[Alternative]:
-    """Derivative of the weighted prediction in the strength of every cause in every shape, at a fit.
-
-    Args:
-        problem: Data and simulation.
-        unknowns: Of the fit.
-    """
-    program, found = problem.program, []
-    for number in range(max((len(cause.shapes) for cause in program.causes), default=0)):
-        at, here = unknowns.copy(), [(i, c) for i, c in enumerate(program.causes) if number < len(c.shapes)]
-        for i, cause in here:
-            at[len(program.causes) + i] = cause.shapes[number]
-        slopes = problem.slopes(at, [i for i, _ in here])
-        for column, (_, cause) in enumerate(here):
-            shape = cause.shapes[number] if len(cause.shapes) > 1 else None
-            # In the strength's own unit: the program counts in plausible strengths.
-            direction = slopes[:, [column]] / cause.plausible
-            found.append(Alternative(cause.name, direction, cause.sign, shape))
-    return found

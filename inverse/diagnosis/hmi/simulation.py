@@ -12,6 +12,7 @@ from arfjax import Discretisation, FastCurve, Heating, Model, StepwiseProtocol, 
 from arfjax.laws import Scaled, Shifted, TemperatureLaw, ViscoelasticLaw
 from arfjax.media import Scalar
 from arfjax.model import DoseSize
+from arfjax.numerics.derivatives import forward_by_reverse
 from arfjax.protocols.fast_curve import features
 from arfjax.protocols.stepwise import force_at, heating_by, lesion_at, lesion_share, push
 from inverse.diagnosis.hmi.cause import TissueChange
@@ -163,10 +164,13 @@ class FullSimulation:
         def force(temperature: Array, change: TissueChange) -> Array:
             return force_at(changed(model, change), temperature, protocol, settings)
 
+        def moved(argument: tuple[Model, Array, Array, Array]) -> Array:
+            return push(*argument, protocol, settings).at_focus(settings.focus)[-1]
+
         def state(argument: tuple[Array, TissueChange, Array, Array]) -> Array:
             temperature, change, share, force = argument
-            here = changed(model, change)
-            return change.force * push(here, temperature, share, force, protocol, settings).at_focus(settings.focus)[-1]
+            here = jax.tree.map(jnp.asarray, changed(model, change))
+            return change.force * forward_by_reverse(moved)((here, temperature, share, force))
 
         # As one batch, because the field up to the liver is then computed once.
         forces = jax.vmap(force)(temperature, change)

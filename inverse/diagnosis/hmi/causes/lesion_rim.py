@@ -16,7 +16,7 @@ class LesionRim(HmiCause):
     sign = 0
     plausible = 0.5
     largest = 1.0
-    """Of a softer rim: its share would be below none."""
+    """A softer rim would have less than no lesion in it, a stiffer one more than the lesion itself."""
     sentence = "Between lesion and liver lies a rim that is softer or stiffer than the model's transition."
     helps = "A scan of the push across the lesion's edge, or histology."
     source = "Assumed: share times what lacks to one"
