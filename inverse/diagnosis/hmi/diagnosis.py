@@ -1,5 +1,6 @@
 """The diagnosis of curves of displacement, from the data to a verdict."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -25,7 +26,7 @@ from inverse.diagnosis.hmi.prepare import (
 )
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.program import HmiProgram
-from inverse.diagnosis.hmi.refit import HmiFit, fit_hmi, fit_in_full
+from inverse.diagnosis.hmi.refit import SETTLED, HmiFit, fit_hmi, fit_in_full
 from inverse.diagnosis.noise import Noise, noise_family
 from inverse.diagnosis.where import Axis
 from inverse.inference.experiment import inference_settings
@@ -163,8 +164,9 @@ def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: C
         null = fit_in_full(problem, (), white, size=size, start=null.unknowns)
         if problem.rows.deviation is None:
             size = noise_size(null)
-            null = fit_hmi(null.problem, (), white, size=size, start=null.unknowns)
-    return null, size, (*remarks, *_audit(null))
+            again = fit_hmi(null.problem, (), white, size=size, start=null.unknowns)
+            null = dataclasses.replace(again, left=null.left)
+    return null, size, (*remarks, *fit_remarks(null))
 
 
 def _cost(fit: HmiFit, size: float) -> float:
@@ -178,7 +180,8 @@ def _disagreement(null: HmiFit, other: HmiFit, size: float) -> tuple[str, ...]:
     return ()
 
 
-def _audit(null: HmiFit) -> tuple[str, ...]:
+def fit_remarks(null: HmiFit) -> tuple[str, ...]:
+    """What a fit without causes says against itself."""
     problem = null.problem
     far = np.abs(problem.program.penalties(null.unknowns))
     names = problem.program.parameters.names
@@ -187,6 +190,11 @@ def _audit(null: HmiFit) -> tuple[str, ...]:
         for name, distance in zip(names, far, strict=True)
         if distance > 2.5
     ]
+    if null.left > SETTLED:
+        remarks.append(
+            f"Where the fit came out, the full simulation is still {null.left:.1f} standard deviations of the noise "
+            "(all readings together) from what was fitted: it did not come to rest."
+        )
     lengths = np.linalg.norm(null.directions[:, : len(names)], axis=0)
     unseen = [name for name, one in zip(names, lengths, strict=True) if one < 1e-3 * np.max(lengths)]
     if unseen:

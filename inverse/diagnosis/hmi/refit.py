@@ -20,7 +20,7 @@ _MOST_STEPS = 40
 _SMALL = 1e-3
 """Part of the plausible strength at which one that cannot be negative starts at least."""
 _MOST_CORRECTIONS = 3
-_SETTLED = 0.5
+SETTLED = 0.5
 """What the full simulation may have more than the corrected one where a fit came out, in standard deviations of the
 noise all together (d'), for the fit to count as one of the full simulation."""
 _FARTHEST = 8.0
@@ -96,7 +96,7 @@ def fit_in_full(
         )  # fmt: skip
         left = float(np.linalg.norm(near.left(found.unknowns))) / size
         found = dataclasses.replace(found, left=left)
-        if left <= _SETTLED:
+        if left <= SETTLED:
             break
     return found
 

@@ -17,6 +17,7 @@ from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.cause import OFF_AXIS_REACH
 from inverse.diagnosis.hmi.correction import Correction
+from inverse.diagnosis.hmi.diagnosis import fit_remarks
 from inverse.diagnosis.hmi.examination import Refits
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import fit_hmi, fit_in_full
@@ -300,6 +301,14 @@ def test_fit_where_there_is_no_such_tissue_in_full_says_so(problem, monkeypatch)
     for one in family:
         again = refits((Extension(cause, 0.0),), one, np.array([0.5 * cause.plausible]), False)
         assert not again.converged and "no such tissue" in again.status
+
+
+def test_fit_on_which_the_simulations_do_not_agree_says_so(problem):
+    measured, _ = measured_with(problem, "", 0.0)
+    fit = fit_hmi(measured, (), white(measured), size=0.01)
+    for left, said in ((float("nan"), False), (0.1, False), (3.0, True)):
+        remarks = fit_remarks(dataclasses.replace(fit, left=left))
+        assert any("still 3.0 standard deviations" in remark for remark in remarks) == said
 
 
 def test_rim_has_no_less_than_no_lesion_and_no_more_than_all_of_it(problem):
