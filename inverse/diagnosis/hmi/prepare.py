@@ -95,8 +95,8 @@ def _of_full_simulation(model: Model) -> Discretisation:
 
     Seven effects of d' 0.5 to 7, at a noise of 1 % in three sonications of 57 readings, are then within d' 0.6 of those
     with mesh and heat at refinement 3; with both at refinement 2 they are within 1.1 in three times the time, with both
-    at 1 within 0.9. That holds for effects. Derivatives by a single state's temperature are up to a tenth off, because
-    the displacement turns within a kelvin at the lesion's beginning and the usual mesh has that a little wavy.
+    at 1 within 0.9 (one set of constants). That holds for effects. Derivatives are worse: where a lesion begins, the
+    displacement turns from +2 to -1.5 % a kelvin within a kelvin, and the usual mesh has that wavy by 0.25 % a kelvin.
     """
     mesh, heat = discretise(model), discretise(model, refinement=2.0)
     return dataclasses.replace(
