@@ -25,7 +25,7 @@ import numpy as np
 
 import arfjax as ax
 from benchmarks.diagnosis_docs import HMI_STUDY, write_docs
-from benchmarks.diagnosis_limits import Design, limits, visible
+from benchmarks.diagnosis_limits import Design, limits, projected_length, visible
 from benchmarks.diagnosis_record import arguments, recorded, stamp
 from benchmarks.diagnosis_summary import summarise
 from inverse.datasets.hmi import HmiData, read_hmi
@@ -35,7 +35,7 @@ from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.examination import noise_size
 from inverse.diagnosis.hmi.prepare import PreparedHmi, hmi_problem_of, prepare_hmi
 from inverse.diagnosis.hmi.program import HmiProgram
-from inverse.diagnosis.noise import noise_family
+from inverse.diagnosis.hmi.refit import HmiFit
 from inverse.diagnosis.screening import Alternative
 from inverse.inference.experiment import inference_settings
 from tests.blind import hmi_generator as blind
@@ -131,16 +131,18 @@ def design(bench: Bench, seed: int) -> Design:
     return Design(
         null.directions,
         visible(looked_for, null.directions),
-        {name: _truth(looked_for, name) for name in blind.EFFECTS},
-        noise_family(problem.orderings(), problem.coordinate()),
+        {name: _truth(looked_for, name, null) for name in blind.EFFECTS},
+        problem.noise_family(),
     )
 
 
-def _truth(looked_for: list[Alternative], name: str) -> np.ndarray:
-    """The effect of a positive strength, in the shape nearest to the generator's."""
+def _truth(looked_for: list[Alternative], name: str, null: HmiFit) -> np.ndarray:
+    """The effect of d' = 1, as the generator has it: by readings alone, constants free."""
     mine = [one for one in looked_for if one.name == name]
     shape = TRUE_SHAPES.get(name, 0.0)
-    return min(mine, key=lambda one: abs((one.shape or 0.0) - shape)).directions
+    effect = min(mine, key=lambda one: abs((one.shape or 0.0) - shape)).directions
+    readings = len(null.of_readings)
+    return effect / projected_length(effect[:readings], null.directions[:readings])
 
 
 def one_set(condition: Condition, seed: int, bench: Bench | None = None) -> dict:

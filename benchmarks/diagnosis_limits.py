@@ -34,7 +34,7 @@ class Design:
     Attributes:
         fitted: Derivative of the prediction in the fitted constants.
         alternatives: Causes that the data can see, in every shape.
-        truths: Derivative in the strength of each cause that may be hidden, as the generator has it.
+        truths: Effect of d' = 1 of each cause that may be hidden, as the generator has it.
         family: Noise members, white first.
     """
 
@@ -52,9 +52,15 @@ def dma_design(problem: DmaProblem) -> Design:
     return Design(
         fitted,
         visible(problem.directions(every_shape(DMA_CAUSES)), fitted),
-        {name: truth.directions for name, truth in truths.items()},
+        {name: truth.directions / projected_length(truth.directions, fitted) for name, truth in truths.items()},
         noise_family(problem.orderings(), problem.frequencies()),
     )
+
+
+def projected_length(effect: Float[np.ndarray, "n 1"], fitted: Float[np.ndarray, "n p"]) -> float:
+    """Of what the fitted constants leave of an effect: its d' in noise of size one."""
+    basis = np.linalg.qr(unit_columns(fitted))[0]
+    return max(float(np.linalg.norm(effect - basis @ (basis.T @ effect))), 1e-300)
 
 
 def visible(alternatives: Sequence[Alternative], fitted: Float[np.ndarray, "n p"]) -> list[Alternative]:
@@ -92,12 +98,10 @@ def _limits_of(design: Design, strengths: Sequence[float], family: Sequence[Nois
     noise = rng.standard_normal((fitted.shape[0], drawn))
     evidence = _projections(screen) if len(family) == 1 else lambda data: -screen.statistics(data).log_p
     threshold = np.quantile(evidence(noise).max(axis=0), 1.0 - _LEVEL)
-    basis = np.linalg.qr(unit_columns(fitted))[0]
     for name, truth in design.truths.items():
         if name not in owners:  # the constants imitate it: it can be detected by chance only
             yield from ((d_prime, name, {"detected": _LEVEL, "first": 0.0}) for d_prime in strengths)
             continue
-        truth = unit_columns(truth - basis @ (basis.T @ truth))
         for d_prime in strengths:
             seen = evidence(d_prime * truth + noise)
             detected, first = seen.max(axis=0) > threshold, owners[seen.argmax(axis=0)] == name
@@ -107,11 +111,11 @@ def _limits_of(design: Design, strengths: Sequence[float], family: Sequence[Nois
 def _projections(screen: Screen) -> Callable[[Float[np.ndarray, "n batch"]], Float[np.ndarray, "alternative batch"]]:
     """Projections on all directions, in noise standard deviations; those of the wrong sign count as they are."""
     directions = screen.projected()
-    one_sided = np.array([alternative.sign > 0 for alternative in screen.alternatives])[:, None]
+    signs = np.array([alternative.sign for alternative in screen.alternatives])[:, None]
 
     def evidence(data):
         projected = directions.T @ data
-        return np.where(one_sided, projected, np.abs(projected))
+        return np.where(signs == 0, np.abs(projected), signs * projected)
 
     return evidence
 

@@ -1,7 +1,8 @@
 """The next sonication: which would tell the causes apart that curves of displacement leave alive.
 
-Every proposal is simulated with the fitted model; the derivatives of its readings in the constants and in the causes'
-strengths are exact. Its readings have the noise of those that there are, and a factor of their own.
+Every proposal is simulated with the fitted model, without the causes and with each as strong as the data have it: their
+effects bend within such strengths (see `HmiDiagnosisProblem.alternatives`), so that derivatives would rate others.
+Derivatives in the constants are exact. Readings have the noise of those that there are, and a factor of their own.
 """
 
 import dataclasses
@@ -140,28 +141,33 @@ def _planned(fitted: _Fitted, proposal: HmiProposal) -> tuple[list[Course], HmiR
 def _separation(fitted: _Fitted, courses: Sequence[Course] | None, more: HmiRows | None) -> Separation:
     """Of the causes by what was measured, and by a proposal's courses beside it; noise of one relative size."""
     problem = fitted.problem
-    parts = [_slopes(fitted, None)]
+    parts = [_effects(fitted, None)]
     factors = problem.factors
     if courses is not None and more is not None:
-        parts.append(_slopes(fitted, courses))
+        parts.append(_effects(fitted, courses))
         factors = np.block([
             [factors, np.zeros((len(factors), 1))],
             [np.zeros((len(more), factors.shape[1])), np.ones((len(more), 1))],
         ])  # fmt: skip
-    slopes, count = np.concatenate(parts), len(fitted.extensions)
+    effects, count = np.concatenate(parts), len(fitted.extensions)
     names = [extension.cause.name for extension in fitted.extensions]
-    known = np.concatenate([slopes[:, count:], factors], axis=1)
-    return separation(names, slopes[:, :count], fitted.strengths, known, fitted.size)
+    known = np.concatenate([effects[:, count:], factors], axis=1)
+    believed = fitted.size * problem.program.penalty_slopes(fitted.unknowns)[:, problem.program.constants]
+    known = np.append(known, np.pad(believed, [(0, 0), (0, factors.shape[1])]), axis=0)
+    moved = np.pad(effects[:, :count], [(0, len(believed)), (0, 0)])
+    return separation(names, moved, fitted.strengths, known, fitted.size)
 
 
-def _slopes(fitted: _Fitted, courses: Sequence[Course] | None) -> Float[np.ndarray, "row p"]:
-    """Derivative of the logarithm of displacement in the causes' strengths, in their units, then in the constants."""
+def _effects(fitted: _Fitted, courses: Sequence[Course] | None) -> Float[np.ndarray, "row p"]:
+    """Effects of the causes over their strengths, in their units, then derivatives in the constants."""
     program = fitted.problem.program
-    places = [program.place(extension.cause.name) for extension in fitted.extensions]
-    scales = [extension.cause.plausible for extension in fitted.extensions]
     here = program if courses is None else program.on(courses)
-    slopes = here.slopes(fitted.shaped, [*places, *program.constants.tolist()])
-    return slopes / np.append(scales, np.ones(len(program.constants)))
+    plain, columns = here.predict(fitted.shaped), []
+    for extension, strength in zip(fitted.extensions, fitted.strengths, strict=True):
+        cause = extension.cause
+        effect = here.secant(fitted.shaped, program.place(cause.name), float(strength) / cause.plausible, plain)
+        columns.append(effect / cause.plausible)
+    return np.column_stack([*columns, here.slopes(fitted.shaped, program.constants.tolist())])
 
 
 def _checks(

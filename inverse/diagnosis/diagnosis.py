@@ -102,7 +102,7 @@ class Diagnosis:
         level: Probability of finding something wrong where nothing is.
         account: Of data and model, for the report.
         problem: The data and the model: `DmaProblem` or `HmiDiagnosisProblem`.
-        residuals: Of the fit without extensions: measured less predicted, weighted.
+        residuals: Of the fit without extensions: measured less predicted, weighted, readings before beliefs.
         decision: Statistics behind the verdict; None after a failure of the fit.
         causes: In rank order.
         not_testable: What these data cannot see.

@@ -98,6 +98,20 @@ class Noise:
                 scaled[layer] = self.correlation * before + factor * scaled[layer]
         return scaled * np.exp(self.log_deviation)[:, None]
 
+    def extended(self, count: int) -> "Noise":
+        """With so many more data at the end, independent and of unit deviation, such as what is believed."""
+        previous = np.append(self.ordering.previous, np.full(count, -1))
+        return dataclasses.replace(
+            self,
+            ordering=dataclasses.replace(self.ordering, previous=previous),
+            log_deviation=np.append(self.log_deviation, np.zeros(count)),
+        )
+
+    def of_first(self, count: int) -> "Noise":
+        """Of so many data at the beginning, which none of the others comes before."""
+        ordering = dataclasses.replace(self.ordering, previous=self.ordering.previous[:count])
+        return dataclasses.replace(self, ordering=ordering, log_deviation=self.log_deviation[:count])
+
     @property
     def log_determinant(self) -> float:
         """Logarithm of the determinant of the covariance."""

@@ -44,7 +44,7 @@ class Alternative:
         name: Of the cause or the free form; a cause with several shapes has one alternative for each.
         directions: Derivative of the prediction in each strength, one column each. Several strengths are normal numbers
             of one common and unknown spread: a column twice as long is believed to leave twice as much after the fit.
-        sign: 1 if the strength cannot be negative (one-sided test), 0 if it may have either sign.
+        sign: 1 if the strength cannot be negative, -1 if it cannot be positive (one-sided tests), 0 otherwise.
         shape: Value of the cause's second parameter, where it has one.
     """
 
@@ -115,7 +115,7 @@ class Screen:
         self.alternatives = tuple(a for a, use in zip(alternatives, usable, strict=True) if use)
         reduced = [columns for columns, use in zip(reduced, usable, strict=True) if use]
         self._single = np.array([a.directions.shape[1] == 1 for a in self.alternatives], dtype=bool)
-        self._two_sided = np.array([a.sign == 0 for a in self.alternatives if a.directions.shape[1] == 1], dtype=bool)
+        self._signs = np.array([a.sign for a in self.alternatives if a.directions.shape[1] == 1], dtype=int)[:, None]
         groups = [columns for columns, single in zip(reduced, self._single, strict=True) if not single]
         self._ranks = np.array([columns.shape[1] for columns in groups], dtype=int)
         self._starts = np.cumsum(self._ranks) - self._ranks
@@ -131,7 +131,8 @@ class Screen:
         direction = np.zeros((int(np.sum(self._single)), batch))
         null_likelihood, null_noise = np.full(batch, -np.inf), np.zeros(batch, dtype=int)
         single, several = np.flatnonzero(self._single), np.flatnonzero(~self._single)
-        parameters, least = self._fitted.shape[1], np.where(self._two_sided, -np.inf, 0.0)[:, None]
+        parameters, least = self._fitted.shape[1], np.where(self._signs > 0, 0.0, -np.inf)
+        most = np.where(self._signs < 0, 0.0, np.inf)
         squares = _Squares(data)
         for index, prepared in enumerate(self._prepared):
             along = prepared.onto @ data
@@ -140,7 +141,7 @@ class Screen:
             better = without > null_likelihood
             null_likelihood = np.where(better, without, null_likelihood)
             null_noise = np.where(better, index, null_noise)
-            one = np.maximum(along[parameters : parameters + len(single)], least)
+            one = np.clip(along[parameters : parameters + len(single)], least, most)
             better = _keep(single, self._likelihood(prepared, total - one**2), index, likelihood, noise)
             direction = np.where(better, one, direction)
             if several.size:
@@ -237,9 +238,8 @@ class Screen:
     def _log_p(self, statistic):
         log_p = np.zeros_like(statistic)
         single = np.flatnonzero(self._single)
-        one = stats.t.logsf(statistic[single], self.freedom - 1)
-        both = np.log(2.0) + stats.t.logsf(np.abs(statistic[single]), self.freedom - 1)
-        log_p[single] = np.where(self._two_sided[:, None], both, one)
+        one = stats.t.logsf(np.abs(statistic[single]), self.freedom - 1)
+        log_p[single] = np.where(self._signs == 0, np.log(2.0) + one, one)
         several = np.flatnonzero(~self._single)
         # A variance is at its bound in half of all data sets without it.
         log_p[several] = np.log(0.5) + stats.chi2.logsf(statistic[several], 1)

@@ -121,17 +121,19 @@ def whiteness(
     """Correlation of neighbouring residuals along each coordinate.
 
     Fitted residuals are correlated even if the noise is white: the p-values are against white noise, fitted alike.
+    Data beyond those that an axis knows, which are beliefs, are not looked at.
     """
     basis = independent(fitted)
     noise = rng.standard_normal((len(residuals), replicates))
     batch = np.concatenate([residuals[:, None], noise - basis @ (basis.T @ noise)], axis=1)
-    batch = batch / np.sqrt(np.mean(batch**2, axis=0))
     found = []
     for axis in axes:
+        here = batch[: len(axis.keys)]
+        here = here / np.sqrt(np.mean(here**2, axis=0))
         products = []
         for key in np.unique(axis.keys):
             rows = np.flatnonzero(axis.keys == key)
-            ordered = batch[rows[np.argsort(axis.position[rows], kind="stable")]]
+            ordered = here[rows[np.argsort(axis.position[rows], kind="stable")]]
             products.append(ordered[1:] * ordered[:-1])
         if not any(len(part) for part in products):
             continue

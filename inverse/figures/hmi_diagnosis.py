@@ -18,10 +18,10 @@ def hmi_diagnosis_figure(found: Diagnosis) -> Figure:
         found: From `diagnose_hmi`.
     """
     problem = found.problem
-    stages = [("the fitted simulation", found.residuals)]
+    stages = [("the fitted simulation", found.residuals[: len(problem.rows)])]
     if found.extended is not None:
         names = " and ".join(extension.cause.name for extension in found.extended.extensions)
-        stages.append((f"with {names}", found.extended.residuals))
+        stages.append((f"with {names}", found.extended.residuals[: len(problem.rows)]))
     columns = len(stages) + (1 if found.causes else 0)
     figure = Figure(figsize=(3.3 * columns + 0.4, 5.2), layout="constrained")
     axes = figure.subplots(2, columns, squeeze=False, height_ratios=[1.4, 1.0])

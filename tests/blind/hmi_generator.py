@@ -77,7 +77,7 @@ class Simulator:
         protocol = dataclasses.replace(self.protocol, duration=DURATION)
         self._heated = eqx.filter_jit(lambda model: simulate_heating(model, protocol, self.settings))
         self._push = eqx.filter_jit(self._displacement)
-        self._plain: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+        self._known: dict[tuple, tuple[np.ndarray, np.ndarray]] = {}
         self._imitated: dict[bytes, np.ndarray] = {}
 
     def model(self, z: np.ndarray) -> ax.Model:
@@ -104,11 +104,9 @@ class Simulator:
 
     def curves(self, z: np.ndarray, name: str = "none", strength: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Logarithm of what is reported and times, of all readings of all sonications; the first of each at 37 degC."""
-        if name == "none":
-            if z.tobytes() not in self._plain:
-                self._plain[z.tobytes()] = self._curves(z, name, strength)
-            return self._plain[z.tobytes()]
-        return self._curves(z, name, strength)
+        if (key := (z.tobytes(), name, strength)) not in self._known:
+            self._known[key] = self._curves(z, name, strength)
+        return self._known[key]
 
     def imitated(self, z: np.ndarray, step: float = 0.02) -> np.ndarray:
         """Changes of the logarithm that constants and a factor of each sonication can make, one column each."""
@@ -261,12 +259,24 @@ def _groups() -> np.ndarray:
     return np.repeat(np.arange(len(FINAL)), [len(_readings(final)) for final in FINAL])
 
 
-FIRST_STRENGTH, ITERATIONS, CLOSE = 0.1, 20, 0.03
-"""Where the search for a strength starts, how many are tried, and how close d' has to be."""
+FIRST_STRENGTH = {
+    "thermocouple-lag": 0.1, "thermocouple-position": 0.02, "thermocouple-viscous-heating": 0.5, "perfusion": 0.2,
+    "conductivity-change": 0.2, "damage-law": 0.25, "output-drift": 0.033, "cavitation": 0.04,
+    "lesion-stiffness-law": 0.2, "pre-ablation-softening": 0.11, "attenuation-kinetics": 0.2,
+    "thermal-decorrelation": 0.015, "echo-strain": 0.025,
+}  # fmt: skip
+"""For each d' and percent of noise, where the search for a strength starts."""
+ITERATIONS, CLOSE = 20, 0.03
+"""How many strengths are tried, and how close d' has to be."""
 
 
 def strength_of(
-    ruler: Simulator, z: np.ndarray, change: Callable[[np.ndarray, float], np.ndarray], d_prime: float, name: str
+    ruler: Simulator,
+    z: np.ndarray,
+    change: Callable[[np.ndarray, float], np.ndarray],
+    d_prime: float,
+    name: str,
+    first: float = 0.1,
 ) -> float:
     """Strength at which an effect has a projected length; measured at that strength, because effects bend.
 
@@ -276,19 +286,19 @@ def strength_of(
         change: Of the logarithms without the effect, at a strength, over the size of the noise.
         d_prime: The length.
         name: Of the effect, for messages.
+        first: Strength to start from.
 
     Raises:
         ValueError: if no strength has it.
     """
     plain, imitated = ruler.curves(z)[0], ruler.imitated(z)
-    strength, length = FIRST_STRENGTH, np.nan
+    strength, length = first, np.nan
     for _ in range(ITERATIONS):
         length = _projected(imitated, change(plain, strength))
-        if not 0.0 < length < np.inf:
-            break
         if abs(length / d_prime - 1.0) < CLOSE:
             return strength
-        strength *= float(np.clip(d_prime / length, 0.2, 5.0))
+        # Without a length there is no such tissue, or no effect.
+        strength *= float(np.clip(d_prime / length, 0.2, 5.0)) if np.isfinite(length) and length > 0.0 else 0.5
     raise ValueError(f"no strength of {name} found with d' = {d_prime:g}: the last, {strength:g}, has {length:g}.")
 
 
@@ -341,7 +351,10 @@ def write(
         strength = strength_of(ruler, z, lambda _, s: s * direction / size, d_prime, name)
         added = strength * direction
     elif name != "none":
-        strength = strength_of(ruler, z, lambda plain, s: (ruler.curves(z, name, s)[0] - plain) / size, d_prime, name)
+        first = FIRST_STRENGTH[name] * d_prime * size / NOISE
+        strength = strength_of(
+            ruler, z, lambda plain, s: (ruler.curves(z, name, s)[0] - plain) / size, d_prime, name, first
+        )
     logarithm, time = fine.curves(z, name if name in EFFECTS else "none", strength)
     read = np.exp(logarithm + added + size * draw_noise(noise, shown, rng))
     first = np.concatenate([[True], np.diff(_groups()) > 0])

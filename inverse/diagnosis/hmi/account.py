@@ -50,7 +50,7 @@ class HmiAccount:
     def facts(self) -> list[str]:
         """Dip, peak and end of every curve as measured and as simulated at the same readings: lines of Markdown."""
         rows, simulated = self.problem.rows, self.problem.rows.log_displacement
-        simulated = simulated - self.null.residuals / self.problem.weights
+        simulated = simulated - self.null.of_readings / self.problem.weights
         lines = ["| sonication | | dip | peak | end |", "| --- | --- | ---: | ---: | ---: |"]
         for number, label in enumerate(rows.labels):
             mine = np.flatnonzero(rows.sonication == number)
@@ -63,7 +63,7 @@ class HmiAccount:
     def describe(self, place: Absorbed) -> str:
         """Where the correction is largest, its sign and its size, and from where on it is there."""
         rows = self.problem.rows
-        relative = place.correction / self.problem.weights
+        relative = place.correction[: len(rows)] / self.problem.weights
         row = int(np.argmax(np.abs(relative)))
         side = "above" if relative[row] > 0.0 else "below"
         return (

@@ -27,7 +27,7 @@ from inverse.diagnosis.hmi.prepare import (
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.program import HmiProgram
 from inverse.diagnosis.hmi.refit import SETTLED, HmiFit, fit_hmi, fit_in_full
-from inverse.diagnosis.noise import Noise, noise_family
+from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.where import Axis
 from inverse.inference.experiment import inference_settings
 
@@ -118,7 +118,7 @@ def diagnose_curves(
     problem, account = null.problem, HmiAccount(null.problem, null)
     if not null.converged:
         remark = f"the fit without causes: {null.status}."
-        return failed(account, problem, null.residuals, [remark, *audit], level=level, seed=seed)
+        return failed(account, problem, null.of_readings, [remark, *audit], level=level, seed=seed)
     on_step("testing all causes")
     rng = np.random.default_rng(seed)
     examined = examine_hmi(causes, null, rng, size=size, corrected=corrected, level=level, replicates=replicates)
@@ -145,7 +145,7 @@ def _require_enough(rows: HmiRows, constants: int) -> None:
 
 def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: Callable[[str], None]):
     """The null fit, by the full simulation where it came out; the noise; what the fit says against itself."""
-    white = noise_family(problem.orderings(), problem.coordinate())[0]
+    white = problem.noise_family()[0]
     size = 1.0 if problem.rows.deviation is not None else _FIRST_SIZE
     null = fit_hmi(problem, (), white, size=size)
     if problem.rows.deviation is None:
@@ -156,8 +156,8 @@ def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: C
     spread = 0.5 * np.random.default_rng(seed).standard_normal(len(problem.program.start))
     start[problem.program.constants] += spread * problem.program.spreads
     other = fit_hmi(problem, (), white, size=size, start=start)
-    remarks = _disagreement(null, other, size)
-    if other.converged and _cost(other, size) < _cost(null, size):
+    remarks = _disagreement(null, other)
+    if other.converged and other.misfit < null.misfit:
         null = other
     if corrected:
         on_step("full simulation where the fit is")
@@ -169,13 +169,8 @@ def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: C
     return null, size, (*remarks, *fit_remarks(null))
 
 
-def _cost(fit: HmiFit, size: float) -> float:
-    """What the fit made least: the misfit, and how far the constants are from what was believed of them."""
-    return fit.misfit + size**2 * float(np.sum(fit.problem.program.penalties(fit.unknowns) ** 2))
-
-
-def _disagreement(null: HmiFit, other: HmiFit, size: float) -> tuple[str, ...]:
-    if abs(_cost(other, size) - _cost(null, size)) > _AGREEMENT * null.misfit / len(null.problem.rows):
+def _disagreement(null: HmiFit, other: HmiFit) -> tuple[str, ...]:
+    if abs(other.misfit - null.misfit) > _AGREEMENT * null.misfit / len(null.problem.rows):
         return ("Fits from two starts do not agree: the better one is used.",)
     return ()
 
@@ -195,7 +190,7 @@ def fit_remarks(null: HmiFit) -> tuple[str, ...]:
             f"Where the fit came out, the full simulation is still {null.left:.1f} standard deviations of the noise "
             "(all readings together) from what was fitted: it did not come to rest."
         )
-    lengths = np.linalg.norm(null.directions[:, : len(names)], axis=0)
+    lengths = np.linalg.norm(null.directions[: len(problem.rows), : len(names)], axis=0)
     unseen = [name for name, one in zip(names, lengths, strict=True) if one < 1e-3 * np.max(lengths)]
     if unseen:
         remarks.append(f"These data hardly see {', '.join(unseen)}: what was believed of them stands.")

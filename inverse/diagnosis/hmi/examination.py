@@ -12,8 +12,9 @@ from inverse.diagnosis.examination import Examined, extension_of, linear_strengt
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.free_forms import hmi_free_forms
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
+from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import HmiFit, fit_hmi, fit_in_full
-from inverse.diagnosis.noise import Noise, noise_family
+from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.screening import Alternative, Screen
 
 
@@ -39,16 +40,19 @@ def examine_hmi(
         replicates: Data sets of noise alone that error rates are calibrated on.
     """
     problem = null.problem
-    family = noise_family(problem.orderings(), problem.coordinate())
+    family = problem.noise_family()
     null = _in_its_noise(problem, null, family, size)
     residuals, fitted = null.residuals, null.directions
-    freedom = max(len(residuals) - fitted.shape[1], 1)
-    spread = float(np.sqrt(np.sum(residuals**2) / freedom))
+    spread = noise_size(null)
     names = {cause.name for cause in causes}
     found = [one for one in problem.alternatives(null.unknowns, fitted, spread) if one.name in names]
     seen, not_testable = visible_alternatives(found, fitted, spread, causes)
-    forms, places = hmi_free_forms(problem.rows, problem.rows.log_displacement - residuals / problem.weights)
-    forms = [dataclasses.replace(one, directions=problem.weights[:, None] * one.directions) for one in forms]
+    forms, places = hmi_free_forms(problem.rows, problem.rows.log_displacement - null.of_readings / problem.weights)
+    believed = len(residuals) - len(problem.rows)
+    forms = [
+        dataclasses.replace(one, directions=np.pad(problem.weights[:, None] * one.directions, [(0, believed), (0, 0)]))
+        for one in forms
+    ]
 
     refits = Refits(null, family, size=size, corrected=corrected)
 
@@ -83,24 +87,23 @@ class Refits:
         self._null, self._family = null, tuple(family)
         self._size, self._corrected = size, corrected
         self._near: dict[tuple[str, ...], HmiFit] = {}
-        self._done: dict[tuple[tuple[str, ...], int], HmiFit] = {}
+        self._done: dict[tuple[tuple[str, ...], int, bool], HmiFit] = {}
 
     def __call__(
         self, extensions: Sequence[Extension], noise: Noise, start: Float[np.ndarray, " extension"], profile: bool
     ) -> HmiFit:
-        """Constants and extensions together, these by name; intervals come from the curvature in any case."""
-        del profile
+        """Constants and extensions together, these by name."""
         order = sorted(range(len(extensions)), key=lambda i: extensions[i].cause.name)
         extensions, start = [extensions[i] for i in order], np.asarray(start)[order]
         names = tuple(extension.cause.name for extension in extensions)
         member = next(number for number, one in enumerate(self._family) if one is noise)
-        if (names, member) not in self._done:
-            if names not in self._near:
-                self._near[names] = self._first(extensions, noise, start)
-                self._done[names, member] = self._near[names]
-            else:
-                self._done[names, member] = self._from(self._near[names], noise)
-        return self._done[names, member]
+        if names not in self._near:
+            self._near[names] = self._done[names, member, False] = self._first(extensions, noise, start)
+        if (names, member, False) not in self._done:
+            self._done[names, member, False] = self._from(self._near[names], noise)
+        if (names, member, profile) not in self._done:
+            self._done[names, member, True] = profiled(self._done[names, member, False], noise, self._size)
+        return self._done[names, member, profile]
 
     def _first(self, extensions, noise, start) -> HmiFit:
         null = self._null
@@ -124,6 +127,5 @@ def _in_its_noise(problem: HmiDiagnosisProblem, null: HmiFit, family: Sequence[N
 
 def noise_size(fit: HmiFit) -> float:
     """Standard deviation of a fit's residuals, in units of the weights."""
-    freedom = max(len(fit.residuals) - fit.directions.shape[1], 1)
     residuals: Float[np.ndarray, " row"] = fit.residuals
-    return float(np.sqrt(np.sum(residuals**2) / freedom))
+    return float(np.sqrt(np.sum(residuals**2) / fit.freedom))

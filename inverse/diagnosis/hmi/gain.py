@@ -71,9 +71,9 @@ def _folds(problem: HmiDiagnosisProblem) -> tuple[list[Bool[np.ndarray, " row"]]
 def _score(fit: HmiFit, noise: Noise, left_out: Bool[np.ndarray, " row"]) -> tuple[Float[np.ndarray, " _"], float]:
     """Relative residuals of what was left out, and the log density of their scatter about their own factor."""
     problem = fit.problem
-    raw, scale = problem.residuals(fit.unknowns), np.exp(noise.log_deviation)
+    raw, scale = problem.residuals(fit.unknowns), np.exp(noise.log_deviation[: len(problem.rows)])
     used = ~left_out
-    spread = np.sqrt(np.mean((fit.residuals / scale)[used] ** 2) * np.sum(used) / _freedom(fit, used))
+    spread = np.sqrt(np.mean((fit.of_readings / scale)[used] ** 2) * np.sum(used) / _freedom(fit, used))
     deviation = spread * scale[left_out]
     weights = problem.weights[left_out] / deviation
     # The factor by least squares; the density of what is free beside it.

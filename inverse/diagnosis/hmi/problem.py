@@ -11,12 +11,11 @@ from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.correction import Correction
 from inverse.diagnosis.hmi.courses import HmiRows
 from inverse.diagnosis.hmi.program import HmiProgram
-from inverse.diagnosis.noise import Ordering, series
+from inverse.diagnosis.noise import Noise, noise_family, series
 from inverse.diagnosis.screening import Alternative
 
 _FARTHEST = 4.0
 """Plausible strengths beyond which no effect is followed."""
-_HALVINGS = 6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +61,7 @@ class HmiDiagnosisProblem:
         return self.weights[:, None] * found
 
     def alternatives(
-        self, unknowns: Float[np.ndarray, " unknown"], fitted: Float[np.ndarray, "row p"], size: float
+        self, unknowns: Float[np.ndarray, " unknown"], fitted: Float[np.ndarray, "datum p"], size: float
     ) -> list[Alternative]:
         """Change of the weighted prediction with the strength of every cause in every shape, about a fit without it.
 
@@ -74,10 +73,12 @@ class HmiDiagnosisProblem:
 
         Args:
             unknowns: Of the fit.
-            fitted: Derivatives of the weighted prediction in everything that was fitted.
+            fitted: Derivatives in everything that was fitted, of the weighted prediction and of what is believed; see
+                `HmiFit`.
             size: Of the noise, in units of the weights.
         """
         program, found = self.program, []
+        believed = np.zeros((len(fitted) - len(self.rows), 1))
         basis = np.linalg.qr(fitted / np.maximum(np.linalg.norm(fitted, axis=0), 1e-300))[0]
         plain = program.predict(unknowns)
         for number in range(max((len(cause.shapes) for cause in program.causes), default=0)):
@@ -85,26 +86,16 @@ class HmiDiagnosisProblem:
             for place, cause in here:
                 at[len(program.causes) + place] = cause.shapes[number]
             slopes = self.weights[:, None] * program.slopes(at, [place for place, _ in here])
+            slopes = np.append(slopes, np.repeat(believed, len(here), axis=1), axis=0)
             lengths = np.linalg.norm(slopes - basis @ (basis.T @ slopes), axis=0)
             for (place, cause), length in zip(here, lengths, strict=True):
                 shape = cause.shapes[number] if len(cause.shapes) > 1 else None
                 reach = min(DETECTABLE * size / max(float(length), 1e-300), _farthest(cause))
-                for sign in (1.0, -1.0)[: 1 if cause.sign > 0 else 2]:
+                for sign in (1, -1)[: 1 if cause.sign > 0 else 2]:
                     # In the strength's own unit: the program counts in plausible strengths.
-                    column = self.weights * self._secant(at, place, sign * reach, plain) / cause.plausible
-                    found.append(Alternative(cause.name, column[:, None], cause.sign, shape))
+                    column = self.weights * program.secant(at, place, sign * reach, plain) / cause.plausible
+                    found.append(Alternative(cause.name, np.append(column[:, None], believed, axis=0), sign, shape))
         return found
-
-    def _secant(self, unknowns, place: int, strength: float, plain) -> Float[np.ndarray, " row"]:
-        """Change with a strength of the fast simulation, over that strength; of a smaller one where there is none."""
-        for _ in range(_HALVINGS):
-            at = unknowns.copy()
-            at[place] += strength
-            change = (self.program.predict(at) - plain) / strength
-            if np.all(np.isfinite(change)):
-                return change
-            strength *= 0.5
-        return self.program.slopes(unknowns, [place])[:, 0]
 
     def corrected_at(
         self, unknowns: Float[np.ndarray, " unknown"], moved: Int[np.ndarray, " moved"]
@@ -129,13 +120,11 @@ class HmiDiagnosisProblem:
         difference = self.weights * difference
         return difference - weighted @ np.linalg.lstsq(weighted, difference, rcond=None)[0]
 
-    def orderings(self) -> tuple[Ordering, ...]:
-        """Neighbours in time within each sonication."""
-        return (series("time", self.rows.sonication.tolist(), self.rows.time),)
-
-    def coordinate(self) -> Float[np.ndarray, " row"]:
-        """Along which the noise may step [degC]."""
-        return self.rows.temperature
+    def noise_family(self) -> tuple[Noise, ...]:
+        """Of readings, correlated in time in each sonication or larger from some temperature on; and of beliefs."""
+        neighbours = series("time", self.rows.sonication.tolist(), self.rows.time)
+        family = noise_family((neighbours,), self.rows.temperature)
+        return tuple(one.extended(len(self.program.start)) for one in family)
 
 
 def _farthest(cause: HmiCause) -> float:

@@ -1,7 +1,7 @@
 """The compiled simulation of a set of courses, fast and full, with the derivatives of both."""
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import equinox as eqx
 import jax
@@ -20,11 +20,12 @@ from inverse.inference.problem import State
 _MORE_AT_ONCE = 2
 """Derivatives taken in one call of the compiled program beside those in the constants; fewer are filled up."""
 
-_DIRECTIONS_AT_ONCE = 6
-"""Of the full simulation: with more of them the tangents of the thermal dose fill the memory, and no time is saved."""
+_DIRECTIONS_AT_ONCE = 4
+"""With more of them the tangents of the thermal dose fill the cache; one by one takes half as long again."""
 
 _FLATTEST = 1e-3
 """Penalty a unit below which a prior is taken for flat."""
+_HALVINGS = 6
 
 
 class HmiProgram:
@@ -75,18 +76,13 @@ class HmiProgram:
             return log_reported(full, courses, *parts(unknowns))[0]
 
         def linearise(courses: Courses, unknowns: Array, directions: Array) -> tuple[Array, Array]:
-            # Whatever does not depend on the direction, the gradient of every push above all, is computed once.
-            value, linear = jax.linearize(lambda at: simulate(courses, at), unknowns)
-            return value, jax.lax.map(linear, directions, batch_size=_DIRECTIONS_AT_ONCE).T
+            return _linearised(lambda at: simulate(courses, at), unknowns, directions)
 
         def penalties(unknowns: Array) -> Array:
             return parameters.penalties(parameters.values(unknowns[2 * count :]))
 
         def slopes(courses: Courses, unknowns: Array, directions: Array) -> Array:
-            def one(direction: Array) -> Array:
-                return jax.jvp(lambda at: predict(courses, at)[0], (unknowns,), (direction,))[1]
-
-            return jax.vmap(one, out_axes=1)(directions)
+            return _linearised(lambda at: predict(courses, at)[0], unknowns, directions)[1]
 
         self._predict, self._slopes = eqx.filter_jit(predict), eqx.filter_jit(slopes)
         self._simulate = eqx.filter_jit(simulate)
@@ -153,6 +149,26 @@ class HmiProgram:
             found.append(columns[:, :count])
         return np.concatenate(found, axis=1)
 
+    def secant(
+        self, unknowns: Float[np.ndarray, " unknown"], place: int, strength: float, plain: Float[np.ndarray, " row"]
+    ) -> Float[np.ndarray, " row"]:
+        """Change of the prediction with a strength, over that strength; of a smaller one where there is no such tissue.
+
+        Args:
+            unknowns: Without the strength.
+            place: Of the strength.
+            strength: In plausible ones; the derivative where it is 0.
+            plain: The prediction without it.
+        """
+        for _ in range(_HALVINGS if strength else 0):
+            at = unknowns.copy()
+            at[place] += strength
+            change = (self.predict(at) - plain) / strength
+            if np.all(np.isfinite(change)):
+                return change
+            strength *= 0.5
+        return self.slopes(unknowns, [place])[:, 0]
+
     def simulate(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " row"]:
         """What the full simulation has in place of `predict`: seconds."""
         found = np.zeros(self.n_rows)
@@ -199,3 +215,9 @@ class HmiProgram:
     def model(self, unknowns: Float[np.ndarray, " unknown"]) -> Model:
         """The model with the constants put in; causes are not in it."""
         return self._model(unknowns)
+
+
+def _linearised(function: Callable[[Array], Array], at: Array, directions: Array) -> tuple[Array, Array]:
+    """Value, and derivative along each direction; what depends on none, such as gradients of pushes, computed once."""
+    value, linear = jax.linearize(function, at)
+    return value, jax.lax.map(linear, directions, batch_size=_DIRECTIONS_AT_ONCE).T

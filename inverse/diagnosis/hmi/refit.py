@@ -36,11 +36,12 @@ class HmiFit:
         unknowns: Of the program.
         extensions: What was added, in the shapes that fit best.
         strengths: Of these.
-        intervals: Of the strengths at `INTERVAL_LEVEL`, from the curvature; one that cannot be negative has no part
-            below 0.
-        residuals: Measured less predicted, weighted, each sonication's factor taken off.
-        directions: Derivative of the weighted prediction in everything that was fitted, the factors last.
-        misfit: Sum of squares of the residuals in coordinates in which the noise is white.
+        intervals: Of the strengths at `INTERVAL_LEVEL`, from the curvature but for a fit that was `profiled`; one that
+            cannot be negative has no part below 0.
+        residuals: Data less predicted: readings, weighted, each sonication's factor taken off, then what is believed of
+            the constants, in units of the noise: a belief is one more datum, in tests as in the fit.
+        directions: Derivative of what is predicted of them in everything that was fitted, the factors last.
+        misfit: Sum of squares of the residuals in coordinates in which the noise is white: what the fit made least.
         excess: How far outside of the fast model's range, above 1; covered up to 1.
         converged: Whether it did, inside that range.
         status: The outcome in words.
@@ -52,13 +53,23 @@ class HmiFit:
     extensions: tuple[Extension[HmiCause], ...]
     strengths: Float[np.ndarray, " extension"]
     intervals: Float[np.ndarray, "extension 2"]
-    residuals: Float[np.ndarray, " row"]
-    directions: Float[np.ndarray, "row p"]
+    residuals: Float[np.ndarray, " datum"]
+    directions: Float[np.ndarray, "datum p"]
     misfit: float
     excess: float
     converged: bool
     status: str
     left: float = float("nan")
+
+    @property
+    def freedom(self) -> int:
+        """Data, if all were used, beyond what was fitted."""
+        return max(len(self.residuals) - self.directions.shape[1], 1)
+
+    @property
+    def of_readings(self) -> Float[np.ndarray, " row"]:
+        """Residuals of the readings alone."""
+        return self.residuals[: len(self.problem.rows)]
 
 
 def fit_in_full(
@@ -110,32 +121,36 @@ def fit_hmi(
     start: Float[np.ndarray, " unknown"] | None = None,
     strengths: Float[np.ndarray, " extension"] | None = None,
     used: Bool[np.ndarray, " row"] | None = None,
+    held: Sequence[int] = (),
 ) -> HmiFit:
     """Fit all constants, strengths and shapes together, with the priors of the constants.
 
     Args:
         problem: Data and simulation.
         extensions: What to add, in the shapes to start from; none fits the model as it is.
-        noise: Member of the family that weighs the residuals.
+        noise: Member of `HmiDiagnosisProblem.noise_family` that weighs the residuals.
         size: Of the noise, in units of the weights: what the priors count against.
         start: Unknowns to start from; the priors' middle without.
         strengths: First guess of the strengths, in their units.
         used: Rows to fit; all without.
+        held: Extensions whose strengths stay as they are given.
     """
-    return _Fitting(problem, tuple(extensions), noise, size, used).run(start, strengths)
+    return _Fitting(problem, tuple(extensions), noise, size, used, held).run(start, strengths)
 
 
 class _Fitting:
     """One fit: which unknowns move, and the residuals in coordinates in which the noise is white."""
 
-    def __init__(self, problem, extensions, noise, size, used) -> None:
+    def __init__(self, problem, extensions, noise, size, used, held) -> None:
         program = problem.program
         self.problem, self.program, self.extensions = problem, program, extensions
-        self.noise, self.size = noise, size
+        self.noise, self.size = noise.of_first(len(problem.rows)), size
         self.strengths = np.array([program.place(e.cause.name) for e in extensions], dtype=int)
         self.shapes = self.strengths + len(program.causes)
         self.scales = np.array([e.cause.plausible for e in extensions])
+        self.free = np.setdiff1d(np.arange(len(extensions)), np.asarray(held, dtype=int))
         self.moved = moved_by(problem, extensions)
+        self.moved = self.moved[~np.isin(self.moved, np.delete(self.strengths, self.free))]
         self.mask = np.ones(len(problem.rows)) if used is None else used.astype(float)
         # Rows that are left out weigh nothing; correlation with them is left out with them.
         white = self._white(problem.weights[:, None] * problem.factors)
@@ -178,14 +193,16 @@ class _Fitting:
         if self.extensions:
             guess = np.zeros(len(self.extensions)) if strengths is None else strengths / self.scales
             one_sided = np.array([e.cause.sign > 0 for e in self.extensions])
+            one_sided &= np.isin(np.arange(len(guess)), self.free)
             first[self.strengths] = np.where(one_sided, np.maximum(guess, _SMALL), guess)
             first[self.shapes] = [float(e.shape) for e in self.extensions]
         return first
 
     def _possible(self, unknowns) -> Float[np.ndarray, " unknown"]:
         """With strengths so small that there is such a tissue: a first guess along a line may go beyond."""
-        while not np.all(np.isfinite(self._stacked(unknowns))) and np.any(np.abs(unknowns[self.strengths]) > _SMALL):
-            unknowns[self.strengths] *= 0.5
+        places = self.strengths[self.free]
+        while not np.all(np.isfinite(self._stacked(unknowns))) and np.any(np.abs(unknowns[places]) > _SMALL):
+            unknowns[places] *= 0.5
         return unknowns
 
     def _bounds(self):
@@ -220,6 +237,11 @@ class _Fitting:
         data = -self._free_of_factors(plain)
         return np.concatenate([data, self.size * self.program.penalty_slopes(unknowns)[:, self.moved]])
 
+    def _directions(self, plain, weighted, unknowns) -> Float[np.ndarray, "datum p"]:
+        slopes = self.size * self.program.penalty_slopes(unknowns)[:, self.moved]
+        believed = np.append(slopes, np.zeros((len(slopes), weighted.shape[1])), axis=1)
+        return np.append(np.append(plain, weighted, axis=1), believed, axis=0)
+
     def _result(self, unknowns, plain, success, status) -> HmiFit:
         jacobian = self._stacked_slopes(plain, unknowns)
         problem, count = self.problem, len(self.extensions)
@@ -227,11 +249,12 @@ class _Fitting:
         raw = problem.residuals(unknowns)
         # The factors by least squares in white coordinates, then taken off the residuals as they are.
         factors = np.linalg.lstsq(self._white(weighted), self._white(raw[:, None])[:, 0], rcond=None)[0]
-        data = self._free_of_factors(raw[:, None])[:, 0]
-        rows = int(np.sum(self.mask))
-        freedom = max(rows - problem.factors.shape[1] - len(self.moved), 1)
-        size = float(np.sqrt(data @ data / freedom))
-        errors = _errors(jacobian, size)[:count]
+        data, believed = self._stacked(unknowns), self.program.penalties(unknowns)
+        misfit = float(data @ data)
+        freedom = max(int(np.sum(self.mask)) + len(believed) - problem.factors.shape[1] - len(self.moved), 1)
+        size = float(np.sqrt(misfit / freedom))
+        errors = np.zeros(count)
+        errors[self.free] = _errors(jacobian, size)[: len(self.free)]
         reach = float(stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, freedom))
         ends = unknowns[self.strengths, None] + reach * errors[:, None] * np.array([-1.0, 1.0])
         one_sided = np.array([e.cause.sign > 0 for e in self.extensions], dtype=bool)
@@ -247,9 +270,9 @@ class _Fitting:
             ),
             strengths=unknowns[self.strengths] * self.scales,
             intervals=ends * self.scales[:, None],
-            residuals=raw - weighted @ factors,
-            directions=np.concatenate([plain, weighted], axis=1),
-            misfit=float(data @ data),
+            residuals=np.append(raw - weighted @ factors, -self.size * believed),
+            directions=self._directions(plain, weighted, unknowns),
+            misfit=misfit,
             excess=excess,
             converged=success and covered,
             status=status if covered else f"the fit leaves the range of the fast model (excess {excess:.2f} of 1)",

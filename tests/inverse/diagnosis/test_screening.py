@@ -37,12 +37,12 @@ def restricted_log_likelihood(data, covariance):
 
 def test_white_noise_gives_the_t_of_regression():
     data = RNG.standard_normal(N)
-    alternatives = [Alternative("one", CAUSE), Alternative("up", CAUSE, 1), Alternative("down", -CAUSE, 1)]
+    alternatives = [Alternative("one", CAUSE), Alternative("up", CAUSE, 1), Alternative("down", CAUSE, -1)]
     screen = Screen(FITTED, alternatives, WHITE)
     found = screen.statistics(data[:, None])
     t = regression_t(data, np.concatenate([FITTED, CAUSE], axis=1))
-    # A strength that cannot be negative stays 0 where it would have to be.
-    np.testing.assert_allclose(found.statistic[:3, 0], [t, max(t, 0.0), max(-t, 0.0)], rtol=1e-10)
+    # A strength of one sign stays 0 where it would have to have the other.
+    np.testing.assert_allclose(found.statistic[:3, 0], [t, max(t, 0.0), min(t, 0.0)], rtol=1e-10)
     np.testing.assert_allclose(np.exp(found.log_p[0, 0]), 2.0 * stats.t.sf(abs(t), N - 5), rtol=1e-10)
     up, down = (np.exp(found.log_p[row, 0]) for row in (1, 2))
     np.testing.assert_allclose([up, down], stats.t.sf([max(t, 0.0), max(-t, 0.0)], N - 5), rtol=1e-10)
