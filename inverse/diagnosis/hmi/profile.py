@@ -1,7 +1,7 @@
 """Intervals of strengths by profile likelihood: effects of causes bend within their intervals.
 
-By the curvature at the fit they can be several times too short: where a lesion begins, the displacement turns within a
-kelvin, and the derivative there says little about a strength that moves the focus by more.
+Most of all where a lesion begins and the displacement turns within a kelvin: the curvature at the fit knows nothing of
+what is farther away.
 """
 
 import dataclasses
@@ -24,8 +24,8 @@ _STRIDE = 3.0
 def profiled(fit: HmiFit, noise: Noise, size: float) -> HmiFit:
     """The fit with intervals at whose ends the likelihood, all else fitted anew, has fallen to the bound.
 
-    Accuracy: the distance of each end from the estimate is within 5 % of where the bound is met, by the fast simulation
-    as corrected at the fit. An end beyond what the simulation covers, or beyond `HmiCause.largest`, is there.
+    Accuracy: the distance of each end from the estimate is within 5 % of where the bound is met, if six trials find it,
+    by the fast simulation as corrected at the fit. Where that, or `HmiCause.largest`, ends before, the end is there.
 
     Args:
         fit: Converged; others come back as they are.
