@@ -25,8 +25,8 @@ OnStep = Callable[[str], None]
 LEARNT = Effort(n_pushes=200, n_modes=60, n_combinations=500, small_lesions=True)
 """How much goes into the fast simulation of a diagnosis. It has to follow the first millimetre of a lesion, on which
 nearly all causes that change temperature or dose act, so well that fits that are corrected to the full simulation come
-to rest: one correction leaves up to d' 0.4. With 100 pushes, 40 shapes and 250 combinations 0.4 to 1.5 were left after
-three; with 300, 100 and 900 up to 0.4, too, and a prediction took 4 times as long."""
+to rest: in three development sets up to d' 0.4 was left. With 100 pushes, 40 shapes and 250 combinations it was up to
+1.5 in two of them; with 300, 100 and 900 up to 0.4 in two, and a prediction took 4 times as long."""
 _DRAWS = 100
 _WIDER = 4.0 / 3.0
 _SOUND_SPEED = 25.0
