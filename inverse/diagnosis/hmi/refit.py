@@ -19,7 +19,7 @@ between causes."""
 _MOST_STEPS = 40
 _SMALL = 1e-3
 """Part of the plausible strength at which one that cannot be negative starts at least."""
-_MOST_CORRECTIONS = 3
+_MOST_CORRECTIONS = 5
 SETTLED = 0.5
 """What the full simulation may have more than the corrected one where a fit came out, in standard deviations of the
 noise all together (d'), for the fit to count as one of the full simulation."""
@@ -43,7 +43,7 @@ class HmiFit:
         directions: Derivative of what is predicted of them in everything that was fitted, the factors last.
         misfit: Sum of squares of the residuals in coordinates in which the noise is white: what the fit made least.
         excess: How far outside of the fast model's range, above 1; covered up to 1.
-        converged: Whether it did, inside that range.
+        converged: Whether it did; outside of that range, whether the full simulation agrees.
         status: The outcome in words.
         left: How far the full simulation is from the corrected one there, as d'; NaN where it was not asked.
     """
@@ -83,8 +83,8 @@ def fit_in_full(
 ) -> HmiFit:
     """`fit_hmi` by the full simulation: corrected to it where the fit comes out, as often as the fit moves from there.
 
-    Where a lesion begins the fast simulation is a percent off, and what moves its beginning is off by more. A fit
-    outside of what either simulation covers stays as it is.
+    Where a lesion begins the fast simulation is a percent off, and what moves its beginning is off by more. A fit that
+    leaves what the fast one covers counts if the full one agrees with it at last.
 
     Args:
         problem: Data and simulation.
@@ -96,8 +96,6 @@ def fit_in_full(
     """
     found = fit_hmi(problem, extensions, noise, size=size, start=start, strengths=strengths)
     for _ in range(_MOST_CORRECTIONS):
-        if found.excess > 1.0:
-            return found
         near = problem.corrected_at(found.unknowns, moved_by(problem, found.extensions))
         if near.correction is None or not near.correction.is_finite:
             status = "the full simulation has no such tissue: not corrected to it"
@@ -108,8 +106,8 @@ def fit_in_full(
         left = float(np.linalg.norm(near.left(found.unknowns))) / size
         found = dataclasses.replace(found, left=left)
         if left <= SETTLED:
-            break
-    return found
+            return found
+    return found if found.excess <= 1.0 else dataclasses.replace(found, converged=False, status=_outside(found.excess))
 
 
 def fit_hmi(
@@ -260,7 +258,7 @@ class _Fitting:
         one_sided = np.array([e.cause.sign > 0 for e in self.extensions], dtype=bool)
         ends = np.where(one_sided[:, None], np.maximum(ends, 0.0), ends)
         excess = self.program.excess(unknowns)
-        covered = excess <= 1.0
+        covered = excess <= 1.0 or problem.correction is not None
         return HmiFit(
             problem=problem,
             unknowns=unknowns,
@@ -275,7 +273,7 @@ class _Fitting:
             misfit=misfit,
             excess=excess,
             converged=success and covered,
-            status=status if covered else f"the fit leaves the range of the fast model (excess {excess:.2f} of 1)",
+            status=status if covered else _outside(excess),
         )
 
 
@@ -289,6 +287,10 @@ def moved_by(problem: HmiDiagnosisProblem, extensions: Sequence[Extension[HmiCau
         if extension.has_shape
     ]
     return np.array([*strengths, *shapes, *program.constants], dtype=int)
+
+
+def _outside(excess: float) -> str:
+    return f"the fit leaves the range of the fast model (excess {excess:.2f} of 1)"
 
 
 def _errors(jacobian: Float[np.ndarray, "n p"], size: float) -> Float[np.ndarray, " p"]:
