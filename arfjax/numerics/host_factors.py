@@ -3,6 +3,7 @@
 import abc
 import atexit
 import dataclasses
+import functools
 import importlib.util
 import itertools
 import threading
@@ -15,6 +16,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from arfjax.errors import InputError
+from arfjax.numerics.own_thread import OwnThread
 from arfjax.numerics.sparse_pattern import Pattern
 
 
@@ -28,20 +30,32 @@ class HostFactor(abc.ABC):
         """Solutions of several systems, one a column."""
 
 
+_SUPERLU = OwnThread("SuperLU")
+"""scipy keeps account of SuperLU's memory by thread, and does not free factors that go in another thread than they came
+in (scipy issue 15921); JAX calls from any. At one push a reading a diagnosis lost 4 MB a push."""
+
+
 class _SuperLU(HostFactor):
     """LU factors, pivots on the diagonal wherever they are large enough."""
 
     def __init__(self, matrix: Any, *, ordered: bool, pivoting: float):
-        self._factors = scipy.sparse.linalg.splu(
+        make = functools.partial(
+            scipy.sparse.linalg.splu,
             matrix,
             permc_spec="NATURAL" if ordered else "MMD_AT_PLUS_A",
             diag_pivot_thresh=pivoting,
             options={"SymmetricMode": True},
         )
-        self.n_bytes = int(self._factors.nnz) * (matrix.dtype.itemsize + 4)
+        # The only reference, so that they go where it is taken away.
+        self._held: list[Any] = []
+        _SUPERLU.call(lambda: self._held.append(make()))
+        self.n_bytes = int(self._held[0].nnz) * (matrix.dtype.itemsize + 4)
 
     def solve(self, right_sides: np.ndarray) -> np.ndarray:
-        return self._factors.solve(right_sides)
+        return self._held[0].solve(right_sides)
+
+    def __del__(self) -> None:
+        _SUPERLU.later(self._held.clear)
 
 
 _BYTES_AN_ENTRY = 60
@@ -125,6 +139,11 @@ class HeldFactor:
         """Memory that it takes."""
         return self.factor.n_bytes + self.values.nbytes
 
+    @functools.cached_property
+    def content(self) -> tuple:
+        """What it is looked up by."""
+        return _content(self.pattern, self.backend, self.values)
+
     def solve(self, right_sides: np.ndarray) -> np.ndarray:
         """Solutions of several systems, one a column, in the order of the unknowns."""
         if np.iscomplexobj(right_sides) and not np.iscomplexobj(self.values):
@@ -143,26 +162,26 @@ class FactorStore:
     def __init__(self) -> None:
         """Begin with none."""
         self._held: OrderedDict[int, HeldFactor] = OrderedDict()
+        self._number_of: dict[tuple, int] = {}
         self._numbers = itertools.count()
         self._lock = threading.RLock()
-        self.limit = 4 * 2**30
+        self.limit = 2**30
 
     def find(self, pattern: Pattern, backend: str, values: np.ndarray) -> int | None:
         """Number of the factors of this very matrix, if they are kept."""
         with self._lock:
-            for number in reversed(self._held):
-                held = self._held[number]
-                if held.pattern is pattern and held.backend == backend and held.values.dtype == values.dtype:
-                    if np.array_equal(held.values, values):
-                        self._held.move_to_end(number)
-                        return number
-        return None
+            number = self._number_of.get(_content(pattern, backend, values))
+            if number is None or not np.array_equal(self._held[number].values, values):
+                return None
+            self._held.move_to_end(number)
+            return number
 
     def keep(self, held: HeldFactor) -> int:
         """Their number from now on; drops those not used for longest once all take more than the limit."""
         with self._lock:
             number = next(self._numbers)
             self._held[number] = held
+            self._number_of[held.content] = number
             self._trim()
             return number
 
@@ -190,20 +209,38 @@ class FactorStore:
 
     def _trim(self) -> None:
         while len(self._held) > 1 and sum(each.n_bytes for each in self._held.values()) > self.limit:
-            self._held.popitem(last=False)
+            number, held = self._held.popitem(last=False)
+            # Two threads may have made the same factors at once: the later ones are those that are found.
+            if self._number_of.get(held.content) == number:
+                del self._number_of[held.content]
 
     def clear(self) -> None:
         """Drop all."""
         with self._lock:
             self._held.clear()
+            self._number_of.clear()
+
+
+def _content(pattern: Pattern, backend: str, values: np.ndarray) -> tuple:
+    """Equal for the same matrix; hardly ever for another one. To compare all that are kept takes longer than factors.
+
+    A kept pattern is alive, so that no other one has its number.
+    """
+    return id(pattern), backend, values.dtype.str, hash(values.tobytes())
 
 
 STORE = FactorStore()
-atexit.register(STORE.clear)  # before the modules go that the factors need to end
+
+
+@atexit.register
+def _end() -> None:
+    """Before the modules go that the factors need to end."""
+    STORE.clear()
+    _SUPERLU.call(lambda: None)
 
 
 def limit_factor_memory(n_bytes: int) -> None:
-    """How much the host keeps of factors and their matrices, those used last; at first 4 GiB. One is always kept."""
+    """How much the host keeps of factors and their matrices, those used last; at first 1 GiB. One is always kept."""
     if n_bytes <= 0:
         raise InputError(f"`n_bytes` must be positive, got {n_bytes}.")
     STORE.set_limit(n_bytes)

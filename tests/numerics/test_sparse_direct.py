@@ -1,6 +1,8 @@
 """Sparse direct solves against dense linear algebra, their derivatives, and the life of the factors."""
 
 import importlib.util
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +11,9 @@ import pytest
 import scipy.sparse.linalg
 
 from arfjax.errors import InputError
+from arfjax.numerics import host_factors
 from arfjax.numerics.host_factors import STORE
+from arfjax.numerics.own_thread import OwnThread
 from arfjax.numerics.sparse_direct import (
     Pattern,
     factorise,
@@ -181,6 +185,56 @@ def test_a_dropped_factor_is_an_error_and_never_a_wrong_number(monkeypatch):
     with pytest.raises(Exception, match="have been dropped"):
         jax.block_until_ready(solve(first, right_side()))
     np.testing.assert_array_equal(solve(make(element_matrices(0)), right_side()), expected)
+
+
+def test_matrices_that_are_looked_up_alike_are_told_apart(monkeypatch):
+    release_factors()
+    monkeypatch.setattr(host_factors, "_content", lambda pattern, backend, values: ("all",))
+    make = jax.jit(lambda matrices: factorise(PATTERN, PATTERN.assemble(matrices)))
+    first, second = make(element_matrices(0)), make(element_matrices(1))
+    assert int(second.handle) != int(first.handle)
+    assert int(make(element_matrices(1)).handle) == int(second.handle)
+    for factor, matrices in ((first, element_matrices(0)), (second, element_matrices(1))):
+        np.testing.assert_array_equal(solve(factor, right_side()), compiled(matrices, right_side(), PATTERN))
+    release_factors()
+
+
+def test_factors_go_in_the_thread_that_they_came_in(monkeypatch):
+    # scipy frees them only there.
+    splu, came, gone = scipy.sparse.linalg.splu, [], []
+
+    class Factors:
+        def __init__(self, *given, **options):
+            self.made, self.nnz = splu(*given, **options), 1
+            came.append(threading.get_ident())
+
+        def solve(self, right_sides):
+            return self.made.solve(right_sides)
+
+        def __del__(self):
+            gone.append(threading.get_ident())
+
+    release_factors()
+    monkeypatch.setattr(scipy.sparse.linalg, "splu", Factors)
+    seeds = range(3)
+    with ThreadPoolExecutor(len(seeds)) as threads:
+        list(threads.map(lambda seed: np.asarray(compiled(element_matrices(seed), right_side(), PATTERN)), seeds))
+    release_factors()
+    monkeypatch.undo()
+    compiled(element_matrices(9), right_side(), PATTERN).block_until_ready()  # after all that was asked before
+    assert len(came) == len(seeds)
+    assert gone == came
+    assert set(came) != {threading.get_ident()}
+
+
+def test_a_thread_of_ones_own_gives_back_results_and_errors():
+    thread = OwnThread("test")
+    assert thread.call(threading.get_ident) == thread.call(threading.get_ident) != threading.get_ident()
+    with pytest.raises(ZeroDivisionError):
+        thread.call(lambda: 1 / 0)
+    left: list[int] = []
+    thread.later(lambda: left.append(1))
+    assert thread.call(lambda: list(left)) == [1]
 
 
 def test_nested_dissection_is_a_permutation_with_less_fill():
