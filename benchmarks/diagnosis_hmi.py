@@ -124,15 +124,20 @@ def diagnosed(bench: Bench, data: HmiData, seed: int, *, removed: str = "") -> D
 
 def design(bench: Bench, seed: int) -> Design:
     """A data set in which nothing is hidden, linearised about its fit."""
-    account = diagnosed(bench, measured(bench, Condition("null", "none", 0.0), seed)[0], seed).account
+    found = diagnosed(bench, measured(bench, Condition("null", "none", 0.0), seed)[0], seed)
+    account = found.account
     assert isinstance(account, HmiAccount)
+    assert found.decision is not None
     problem, null = account.problem, account.null
     looked_for = problem.alternatives(null.unknowns, null.directions, noise_size(null))
+    names = {one.name for one in looked_for}
     return Design(
         null.directions,
         visible(looked_for, null.directions),
         {name: _truth(looked_for, name, null) for name in blind.EFFECTS},
         problem.noise_family(),
+        [one for one in found.decision.omnibus.alternatives if one.name not in names],
+        problem.rows.temperature,
     )
 
 

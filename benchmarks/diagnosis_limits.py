@@ -36,12 +36,16 @@ class Design:
         alternatives: Causes that the data can see, in every shape.
         truths: Effect of d' = 1 of each cause that may be hidden, as the generator has it.
         family: Noise members, white first.
+        free_forms: Corrections of no name; only those who ask what a diagnosis says need them.
+        temperature: Of the readings, if they have one each.
     """
 
     fitted: Float[np.ndarray, "n p"]
     alternatives: Sequence[Alternative]
     truths: Mapping[str, Float[np.ndarray, "n 1"]]
     family: Sequence[Noise]
+    free_forms: Sequence[Alternative] = ()
+    temperature: Float[np.ndarray, " reading"] | None = None
 
 
 def dma_design(problem: DmaProblem) -> Design:

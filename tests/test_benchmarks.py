@@ -6,10 +6,13 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import acoustics, diagnosis, diagnosis_hmi, inference, mechanics, protocols
+from benchmarks import acoustics, diagnosis, diagnosis_hmi, diagnosis_hmi_fast, inference, mechanics, protocols
 from benchmarks.diagnosis_docs import DMA_STUDY, HMI_STUDY, write_docs
+from benchmarks.diagnosis_limits import Design, projected_length
 from benchmarks.diagnosis_record import arguments, recorded, stamp
 from benchmarks.diagnosis_summary import rate, summarise
+from inverse.diagnosis.noise import noise_family, series
+from inverse.diagnosis.screening import Alternative
 
 
 @pytest.mark.slow
@@ -143,6 +146,47 @@ def test_page_of_displacement_needs_no_limit_of_removed_causes(tmp_path):
     page = (tmp_path / HMI_STUDY.page).read_text()
     assert "displacement" in page and "| d' = 4.5: detected, at least 93 | 0.0" in page
     assert (tmp_path / HMI_STUDY.picture).stat().st_size > 10_000
+
+
+def linear_design() -> Design:
+    """Two causes, along temperature and along time, one fitted constant and a factor of each sonication."""
+    sonication = np.repeat(np.arange(3), [14, 19, 24])
+    temperature = 37.0 + 2.0 * np.concatenate([np.arange(n) for n in (14, 19, 24)])
+    directions = {"perfusion": np.sin(temperature / 6.0), "output-drift": np.cos(temperature / 4.0 + sonication)}
+    believed = np.array([0.01])
+    constants = np.append(temperature - 50.0, believed)[:, None]
+    factors = np.append(np.eye(3)[sonication], np.zeros((1, 3)), axis=0)
+    effects = {name: np.append(one, 0.0)[:, None] for name, one in directions.items()}
+    fitted = np.append(constants, factors, axis=1)
+    family = noise_family((series("time", sonication.tolist(), temperature),), temperature)
+    return Design(
+        fitted=fitted,
+        alternatives=[Alternative(name, effect, 1) for name, effect in effects.items()],
+        truths={name: effect / projected_length(effect[:-1], fitted[:-1]) for name, effect in effects.items()},
+        family=[one.extended(1) for one in family],
+        free_forms=[Alternative("at-61", np.append(temperature == 61.0, 0.0)[:, None])],
+        temperature=temperature,
+    )
+
+
+@pytest.mark.parametrize(("part", "name"), [("known", "perfusion"), ("null", "none"), ("removed", "perfusion")])
+def test_linear_sets_find_an_effect_and_spare_noise(part, name):
+    condition = diagnosis_hmi.Condition(part, name, 0.0 if part == "null" else 15.0)
+    lines = diagnosis_hmi_fast.some_sets(linear_design(), condition, range(10))
+    found = [line for line in lines if line["verdict"] != "adequate"]
+    if part == "null":
+        assert len(found) <= 3  # more have a probability of 0.1 %, and the seeds are the first that were taken
+        return
+    assert len(found) == len(lines)
+    assert all((line["first"] == name) == (part == "known") for line in lines)
+    assert all(name not in line["possible"] for line in lines) or part == "known"
+
+
+def test_linear_sets_are_planned_with_seeds_of_their_own():
+    for development in (True, False):
+        seeds = [seed for *_, some in diagnosis_hmi_fast.planned([linear_design()], 1.0, development) for seed in some]
+        assert len(seeds) == len(set(seeds)) > 2000
+        assert (max(seeds) < diagnosis_hmi.blind.TEST_SEEDS) == development
 
 
 def test_error_of_a_rate_is_that_of_wilson():

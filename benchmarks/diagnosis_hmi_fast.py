@@ -1,0 +1,131 @@
+"""How often the decision is right about curves of displacement, in minutes: on linear data, nothing refitted.
+
+python -m benchmarks.diagnosis_hmi_fast --docs docs --workers 2
+
+A few fits of simulated sonications in which nothing is hidden are linearised. Each data set is noise of the readings
+and of what is believed of the constants, and at most one effect; a cause is put into the model by its direction. The
+decision is the one of `diagnose_hmi`, so that these rates show what it makes of an effect; `benchmarks.diagnosis_hmi`
+shows on fewer sets what simulating, refitting and other meshes do to that.
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import dataclasses
+import json
+import platform
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+import arfjax as ax
+from benchmarks.diagnosis_docs import LINEAR_HMI_STUDY, write_docs
+from benchmarks.diagnosis_hmi import STRENGTHS, Bench, Condition, conditions, design, prepared_bench
+from benchmarks.diagnosis_limits import Design, limits, projected_length
+from benchmarks.diagnosis_summary import summarise
+from benchmarks.spread import spread
+from inverse.diagnosis.decision import decide
+from inverse.diagnosis.screening import unit_columns
+from tests.blind import hmi_generator as blind
+
+SETS = {"known": 25, "null": 400, "unknown": 100, "removed": 10}
+"""Of each condition."""
+DESIGNS = 3
+_AT_ONCE = 20
+_SEEDS_A_CONDITION = 400
+_FIRST_SEED = {False: blind.TEST_SEEDS + 100_000, True: 200}
+
+
+def some_sets(about: Design, condition: Condition, seeds: Sequence[int]) -> list[dict[str, Any]]:
+    """What the decision says of some data sets of one condition, as lines of a record."""
+    return [_one_set(about, condition, seed) for seed in seeds]
+
+
+def _one_set(about: Design, condition: Condition, seed: int) -> dict[str, Any]:
+    begun, rng = time.perf_counter(), np.random.default_rng([seed, 20261123])
+    data = _drawn(about, condition, rng)
+    basis = np.linalg.qr(unit_columns(about.fitted))[0]
+    removed = condition.name if condition.part == "removed" else ""
+    causes = [one for one in about.alternatives if one.name != removed]
+    found = decide(data - basis @ (basis.T @ data), about.fitted, causes, about.free_forms, about.family, rng)
+    names = list(dict.fromkeys(one.name for one in causes))
+    ranked = found.ranked(names)
+    return dataclasses.asdict(condition) | {
+        "seed": seed,
+        "verdict": found.verdict,
+        "p": found.omnibus.p_value,
+        "first": ranked[0] if ranked else "",
+        "named": list(found.named),
+        "confusable": list(found.confusable),
+        "possible": list(found.possible),
+        "seconds": time.perf_counter() - begun,
+    }
+
+
+def _drawn(about: Design, condition: Condition, rng: np.random.Generator) -> Float[np.ndarray, " datum"]:
+    """Noise of readings, then of beliefs, and the effect."""
+    assert about.temperature is not None
+    readings, rest = len(about.temperature), len(about.fitted) - len(about.temperature)
+    noise = np.append(blind.draw_noise(condition.noise, about.temperature, rng), rng.standard_normal(rest))
+    effect = np.zeros(len(noise))
+    if condition.name in about.truths:
+        effect = about.truths[condition.name][:, 0]
+    elif condition.name in blind.UNKNOWN:
+        effect[:readings] = blind.UNKNOWN[condition.name](about.temperature, rng)
+        # As the generator has it: by readings alone, constants free.
+        effect = effect / projected_length(effect[:readings, None], about.fitted[:readings])
+    return condition.size * (noise + condition.d_prime * effect)
+
+
+def planned(designs: Sequence[Design], share: float, development: bool) -> list[tuple[Design, Condition, range]]:
+    """Designs, conditions and seeds, some sets at a time."""
+    todo = []
+    for place, condition in enumerate(conditions()):
+        first = _FIRST_SEED[development] + _SEEDS_A_CONDITION * place
+        end = first + max(round(share * SETS[condition.part]), 1)
+        for number, seed in enumerate(range(first, end, _AT_ONCE)):
+            about = designs[(place + number) % len(designs)]
+            todo.append((about, condition, range(seed, min(seed + _AT_ONCE, end))))
+    return todo
+
+
+def measured_designs(bench: Bench, development: bool) -> list[Design]:
+    """About fits of different tissues."""
+    first = _FIRST_SEED[development]
+    return [design(bench, seed) for seed in range(first - DESIGNS, first)]
+
+
+def main() -> None:
+    """Measure and sum up."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("results/benchmarks/diagnosis_hmi_fast.json"))
+    parser.add_argument("--share", type=float, default=1.0, help="of all data sets")
+    parser.add_argument("--workers", type=int, default=1, help="processes")
+    parser.add_argument("--development", action="store_true", help="seeds on which things may be tried")
+    parser.add_argument("--docs", type=Path, help="folder for the table and the figure")
+    given = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    designs = measured_designs(prepared_bench(), given.development)
+    todo = planned(designs, given.share, given.development)
+    lines = [line for part in spread(some_sets, todo, workers=given.workers) for line in part]
+    summary = {
+        "benchmark": "diagnosis_hmi_fast",
+        "seeds": "development" if given.development else "test",
+        **summarise(lines, limits(designs, STRENGTHS)),
+        "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
+    }
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    given.out.write_text(json.dumps(summary, indent=2) + "\n")
+    if given.docs is not None:
+        write_docs(summary, given.docs, LINEAR_HMI_STUDY)
+
+
+if __name__ == "__main__":
+    main()
