@@ -1,6 +1,5 @@
 """Independent pieces of a study done one after the other, or by several processes at once."""
 
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -36,9 +35,7 @@ def spread(
             yield work(*one)
         return
     # Spawned: a fork of a process in which JAX has run hangs.
-    context = get_context("spawn")
-    place = context.Value("i", 0)
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(workers, place)) as pool:
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_float64) as pool:
         pending: set[Future] = set()
         while True:
             while len(pending) < _AHEAD * workers and (one := following()) is not None:
@@ -49,11 +46,5 @@ def spread(
             yield from (piece.result() for piece in done)
 
 
-def _begin(workers: int, place: Any) -> None:
-    """Double precision, and cores of its own for every process: threads for all of them would wait for each other."""
+def _float64() -> None:
     jax.config.update("jax_enable_x64", True)
-    with place.get_lock():
-        mine, place.value = place.value, place.value + 1
-    if hasattr(os, "sched_setaffinity"):  # not on every system
-        cores = sorted(os.sched_getaffinity(0))
-        os.sched_setaffinity(0, cores[mine % len(cores) :: workers])

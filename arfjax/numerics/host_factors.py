@@ -32,7 +32,8 @@ class HostFactor(abc.ABC):
 
 _SUPERLU = OwnThread("SuperLU")
 """scipy keeps account of SuperLU's memory by thread, and does not free factors that go in another thread than they came
-in (scipy issue 15921); JAX calls from any. At one push a reading a diagnosis lost 4 MB a push."""
+in (scipy issue 15921); newer ones free them when the thread ends that they came in. JAX calls from any: on a usual mesh
+4 MB were lost a push. To factorise by turns costs little: SuperLU holds Python's lock most of the time."""
 
 
 class _SuperLU(HostFactor):
@@ -236,7 +237,7 @@ STORE = FactorStore()
 def _end() -> None:
     """Before the modules go that the factors need to end."""
     STORE.clear()
-    _SUPERLU.call(lambda: None)
+    _SUPERLU.finish()
 
 
 def limit_factor_memory(n_bytes: int) -> None:

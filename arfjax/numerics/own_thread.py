@@ -1,11 +1,13 @@
 """A thread of one's own, for what has to be freed where it was made."""
 
+import logging
 import queue
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import TypeVar
 
+_LOGGER = logging.getLogger(__name__)
 _Result = TypeVar("_Result")
 
 
@@ -37,14 +39,26 @@ class OwnThread:
                 outcome.set_exception(error)
 
         self._jobs.put(job)
-        return outcome.result()
+        try:
+            return outcome.result()
+        finally:
+            # An error knows the frames that it went through, and these know the outcome that it is in.
+            del outcome
 
     def later(self, function: Callable[[], object]) -> None:
-        """Run there without waiting; it must not raise. From anywhere, a destructor in the midst of `call` too."""
+        """Run there without waiting; errors are logged. From anywhere, a destructor in the midst of `call` too."""
         self._jobs.put(function)
+
+    def finish(self) -> None:
+        """Wait until all is done that was asked before; if nothing ever was, none begins."""
+        if self._thread is not None and self._thread.is_alive():
+            self.call(lambda: None)
 
     def _work(self) -> None:
         while True:
             job = self._jobs.get()
-            job()
+            try:
+                job()
+            except Exception:
+                _LOGGER.exception("what was asked of the thread %s failed", self._name)
             del job  # and what it holds, while the next is waited for

@@ -235,6 +235,16 @@ def test_a_thread_of_ones_own_gives_back_results_and_errors():
     left: list[int] = []
     thread.later(lambda: left.append(1))
     assert thread.call(lambda: list(left)) == [1]
+    here = thread.call(threading.get_ident)
+    thread.later(lambda: 1 / 0)
+    assert thread.call(threading.get_ident) == here  # what is held there would go with it
+    thread.finish()
+
+
+def test_a_thread_that_nobody_asked_does_not_begin_at_the_end():
+    before = threading.active_count()
+    OwnThread("test").finish()
+    assert threading.active_count() == before
 
 
 def test_nested_dissection_is_a_permutation_with_less_fill():

@@ -15,7 +15,7 @@ from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.causes import HMI_CAUSES
 from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows
-from inverse.diagnosis.hmi.examination import examine_hmi, noise_size
+from inverse.diagnosis.hmi.examination import Refits, examine_hmi, noise_size
 from inverse.diagnosis.hmi.gain import held_out_gain_hmi
 from inverse.diagnosis.hmi.prepare import (
     LEARNT,
@@ -26,7 +26,7 @@ from inverse.diagnosis.hmi.prepare import (
 )
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.program import HmiProgram
-from inverse.diagnosis.hmi.refit import SETTLED, HmiFit, fit_hmi, fit_in_full
+from inverse.diagnosis.hmi.refit import SETTLED, HmiFit, again_from, fit_hmi, fit_in_full
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.where import Axis
 from inverse.inference.experiment import inference_settings
@@ -127,10 +127,12 @@ def diagnose_curves(
         assert isinstance(extended, HmiFit)
         return held_out_gain_hmi(noise, size=size, null=null, extended=extended)
 
-    return conclude(
+    found = conclude(
         examined, account, problem, rng, audit=audit, axes=_axes(problem), repeats=None,
         gain=worth if gain else None, level=level, seed=seed, replicates=replicates, on_step=on_step,
     )  # fmt: skip
+    assert isinstance(examined.fit, Refits)
+    return dataclasses.replace(found, audit=(*found.audit, *examined.fit.remarks()))
 
 
 def _require_enough(rows: HmiRows, constants: int) -> None:
@@ -164,8 +166,7 @@ def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: C
         null = fit_in_full(problem, (), white, size=size, start=null.unknowns)
         if problem.rows.deviation is None:
             size = noise_size(null)
-            again = fit_hmi(null.problem, (), white, size=size, start=null.unknowns)
-            null = dataclasses.replace(again, left=null.left)
+            null = again_from(null, white, size)
     return null, size, (*remarks, *fit_remarks(null))
 
 

@@ -11,9 +11,8 @@ from inverse.diagnosis.decision import REPLICATES, Refitted, decide
 from inverse.diagnosis.examination import Examined, extension_of, linear_strengths, visible_alternatives
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.free_forms import hmi_free_forms
-from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.profile import profiled
-from inverse.diagnosis.hmi.refit import HmiFit, fit_hmi, fit_in_full
+from inverse.diagnosis.hmi.refit import SETTLED, HmiFit, again_from, fit_hmi, fit_in_full
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.screening import Alternative, Screen
 
@@ -41,7 +40,7 @@ def examine_hmi(
     """
     problem = null.problem
     family = problem.noise_family()
-    null = _in_its_noise(problem, null, family, size)
+    null = _in_its_noise(null, family, size)
     residuals, fitted = null.residuals, null.directions
     spread = noise_size(null)
     names = {cause.name for cause in causes}
@@ -100,7 +99,7 @@ class Refits:
         if names not in self._near:
             self._near[names] = self._done[names, member, False] = self._first(extensions, noise, start)
         if (names, member, False) not in self._done:
-            self._done[names, member, False] = self._from(self._near[names], noise)
+            self._done[names, member, False] = again_from(self._near[names], noise, self._size)
         if (names, member, profile) not in self._done:
             self._done[names, member, True] = profiled(self._done[names, member, False], noise, self._size)
         return self._done[names, member, profile]
@@ -110,19 +109,24 @@ class Refits:
         fit = fit_in_full if self._corrected else fit_hmi
         return fit(null.problem, extensions, noise, size=self._size, start=null.unknowns, strengths=start)
 
-    def _from(self, fit: HmiFit, noise: Noise) -> HmiFit:
-        """The same extensions once more, from where they came out."""
-        again = fit_hmi(
-            fit.problem, fit.extensions, noise, size=self._size, start=fit.unknowns, strengths=fit.strengths
-        )  # fmt: skip
-        return again if fit.converged else dataclasses.replace(again, converged=False, status=fit.status)
+    def remarks(self) -> tuple[str, ...]:
+        """What is to be said of fits that the full simulation had not settled, and of intervals."""
+        unsettled = [
+            f"{' and '.join(names)}: where the fit came out, the full simulation is {fit.left:.1f} standard deviations "
+            "of the noise (all readings together) from what was fitted."
+            for names, fit in self._near.items()
+            if fit.converged and fit.left > SETTLED
+        ]
+        ends = [(names, fit.remarks) for (names, _, profile), fit in self._done.items() if profile]
+        return (*unsettled, *(f"{' and '.join(names)}: {one}" for names, remarks in ends for one in remarks))
 
 
-def _in_its_noise(problem: HmiDiagnosisProblem, null: HmiFit, family: Sequence[Noise], size: float) -> HmiFit:
+def _in_its_noise(null: HmiFit, family: Sequence[Noise], size: float) -> HmiFit:
     """The model fitted in the likeliest kind of noise, see `examine_dma`."""
     _, member, _ = Screen(null.directions, (), family).noise_evidence(null.residuals[:, None])
     noise = family[member[0]]
-    return null if noise.is_white else fit_hmi(problem, (), noise, size=size, start=null.unknowns)
+    again = null if noise.is_white else again_from(null, noise, size)
+    return again if again.converged else null
 
 
 def noise_size(fit: HmiFit) -> float:

@@ -17,7 +17,7 @@ from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import INTERVAL_LEVEL, SETTLED, HmiFit, fit_hmi, fit_in_full, moved_by
 from inverse.diagnosis.noise import Noise
 
-_MOST_TRIALS = 6
+_MOST_TRIALS = 8
 _MOST_CORRECTIONS = 2
 _CLOSE = 0.05
 """Relative distance from the bound, in standard deviations, at which the search for an end stops."""
@@ -30,22 +30,42 @@ _WORTH_A_FIT = 0.25
 def profiled(fit: HmiFit, noise: Noise, size: float) -> HmiFit:
     """The fit with intervals at whose ends the likelihood, all else fitted anew, has fallen to the bound.
 
-    Accuracy: the distance of each end from the estimate is within 5 % of where the bound is met, if six trials find it,
-    by a simulation that agrees there with the full one within `SETTLED`, if two corrections make it so; by the fast one
-    alone for a fit of that. Where a simulation, or `HmiCause.largest`, ends before, the end is there.
+    Accuracy: the distance of each end from the estimate is within 5 % of where the bound is met, by a simulation that
+    agrees there with the full one within `SETTLED`; for a fit of the fast simulation alone, by that. An end that could
+    not be found so, or lies where no other fit could be made, is the nearest one known, and `remarks` say so.
+    `HmiCause.largest` is an end without remark.
 
     A trial that is better than the fit shows that this is a local one; it begins anew there, once.
 
     Args:
         fit: Converged; others come back as they are.
-        noise: That it was fitted in.
-        size: Of the noise, as for `fit_hmi`.
+        noise: What the fit was weighed with.
+        size: Of the noise, for the priors.
     """
     if not fit.converged:
         return fit
     found, lowest = _ends(fit, noise, size)
-    better = None if lowest is None else _anew(fit, lowest, noise, size)
-    return found if better is None else _ends(better, noise, size)[0]
+    if not _is_better(lowest, fit):
+        return found
+    better = _anew(fit, lowest, noise, size)
+    if better is None:
+        return _with_remarks(
+            found, "its interval is not one: a better fit was met on the way, and could not be reached."
+        )
+    found, lowest = _ends(better, noise, size)
+    found = _with_remarks(
+        found,
+        "on the way to its interval a better fit was met: strength and interval are of that one, p-values are not.",
+    )
+    return _with_remarks(found, "beside that a still better one was met.") if _is_better(lowest, better) else found
+
+
+def _with_remarks(fit: HmiFit, *remarks: str) -> HmiFit:
+    return dataclasses.replace(fit, remarks=(*fit.remarks, *remarks))
+
+
+def _is_better(trial: HmiFit | None, fit: HmiFit) -> bool:
+    return trial is not None and fit.misfit - trial.misfit > _WORTH_A_FIT * fit.misfit / fit.freedom
 
 
 def _ends(fit: HmiFit, noise: Noise, size: float) -> tuple[HmiFit, HmiFit | None]:
@@ -54,19 +74,20 @@ def _ends(fit: HmiFit, noise: Noise, size: float) -> tuple[HmiFit, HmiFit | None
         _End(fit, which, direction, noise, size) for which in range(len(fit.extensions)) for direction in (-1.0, 1.0)
     ]
     ends = np.array([search.found() for search in searches]).reshape(-1, 2)
+    remarks = tuple(f"{search.words} {search.remark}" for search in searches if search.remark)
     trials = [trial for search in searches for trial in search.tried]
-    return dataclasses.replace(fit, intervals=ends), min(trials, key=lambda one: one.misfit, default=None)
+    found = _with_remarks(dataclasses.replace(fit, intervals=ends), *remarks)
+    return found, min(trials, key=lambda one: one.misfit, default=None)
 
 
-def _anew(fit: HmiFit, trial: HmiFit, noise: Noise, size: float) -> HmiFit | None:
+def _anew(fit: HmiFit, trial: HmiFit | None, noise: Noise, size: float) -> HmiFit | None:
     """The fit from where a trial is better; None if that leads nowhere."""
-    if fit.misfit - trial.misfit < _WORTH_A_FIT * fit.misfit / fit.freedom:
-        return None
+    assert trial is not None
     again = fit_hmi if fit.problem.correction is None else fit_in_full
     better = again(
         trial.problem, trial.extensions, noise, size=size, start=trial.unknowns, strengths=trial.strengths
     )  # fmt: skip
-    return better if better.converged and better.misfit < fit.misfit else None
+    return better if better.converged and not better.left > SETTLED and _is_better(better, fit) else None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,6 +97,7 @@ class _Trial:
     step: float
     risen: float
     fit: HmiFit
+    remark: str = ""
 
 
 class _End:
@@ -84,28 +106,43 @@ class _End:
     def __init__(self, fit: HmiFit, which: int, direction: float, noise: Noise, size: float) -> None:
         self.fit, self.which, self.direction, self.noise, self.size = fit, which, direction, noise, size
         self.best = float(fit.strengths[which])
+        self.near = float(fit.intervals[which, int(direction > 0)])
         reach = float(stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, fit.freedom))
         self.bound = math.sqrt(fit.misfit / fit.freedom) * reach
         self.limit = self._limit()
         self.start = fit.unknowns
         self.tried: list[HmiFit] = []
+        self.remark = ""
+
+    @property
+    def words(self) -> str:
+        """Which end."""
+        side = "lower" if self.direction < 0.0 else "upper"
+        return f"the {side} end of the interval of {self.fit.extensions[self.which].cause.name}"
 
     def found(self) -> float:
         """The strength there."""
-        problem, half = (
-            self.fit.problem,
-            abs(float(self.fit.intervals[self.which, int(self.direction > 0)]) - self.best),
-        )
-        end = self._searched(problem, min(half or self.limit, self.limit))
-        for _ in range(_MOST_CORRECTIONS if problem.correction is not None else 0):
-            if end is None or float(np.linalg.norm(problem.left(end.fit.unknowns))) <= SETTLED * self.size:
+        if self.limit <= 0.0:
+            return self.best
+        problem, settled = self.fit.problem, self.fit.problem.correction is None
+        end = self._searched(problem, min(abs(self.near - self.best) or self.limit, self.limit))
+        for number in range(_MOST_CORRECTIONS + 1):
+            if end is None or settled:
                 break
-            near = problem.corrected_at(end.fit.unknowns, moved_by(problem, self.fit.extensions))
-            if near.correction is None or not near.correction.is_finite:
+            settled = float(np.linalg.norm(problem.left(end.fit.unknowns))) <= SETTLED * self.size
+            if settled or number == _MOST_CORRECTIONS:
                 break
+            problem = problem.corrected_at(end.fit.unknowns, moved_by(problem, self.fit.extensions))
             self.start = end.fit.unknowns
-            problem, end = near, self._searched(near, end.step) or end
-        return self.best if end is None else self.best + self.direction * end.step
+            again = self._searched(problem, end.step) if _is_finite(problem) else None
+            if again is None:
+                break
+            end = again
+        if end is None:
+            self.remark = "is that of the curvature: no other fit could be made on that side."
+            return self.near
+        self.remark = end.remark if settled else "is one that the full simulation does not confirm."
+        return self.best + self.direction * end.step
 
     def _limit(self) -> float:
         """How far the strength may go."""
@@ -117,19 +154,26 @@ class _End:
         """The trial at the bound, or next to it; None where there is nothing but the estimate."""
         inside: _Trial | None = None
         outside: _Trial | None = None
+        failed = math.inf
         for _ in range(_MOST_TRIALS):
-            if step <= 0.0:
-                return None
             trial = self._held(problem, step)
             if trial is None:
-                nearest = 0.0 if inside is None else inside.step
-                self.limit = step = 0.5 * (nearest + step)
-                continue
-            if abs(trial.risen - 1.0) < _CLOSE or (trial.risen < 1.0 and step >= self.limit):
+                failed = step
+            elif abs(trial.risen - 1.0) < _CLOSE or (trial.risen < 1.0 and step >= self.limit):
                 return trial
-            inside, outside = (trial, outside) if trial.risen < 1.0 else (inside, trial)
-            step = min(_next(inside, outside), self.limit)
-        return outside or inside
+            elif trial.risen < 1.0:
+                inside = trial
+            else:
+                outside = trial
+            nearest = 0.0 if inside is None else inside.step
+            if inside is not None and failed - nearest < _CLOSE * failed:
+                return dataclasses.replace(inside, remark="is where fits could be made no farther.")
+            step = min(_next(inside, outside) if inside or outside else failed, self.limit)
+            if step >= failed:
+                step = 0.5 * (nearest + failed)
+        remark = f"was not met in {_MOST_TRIALS} trials."
+        end = outside or inside
+        return None if end is None else dataclasses.replace(end, remark=remark)
 
     def _held(self, problem: HmiDiagnosisProblem, step: float) -> _Trial | None:
         """All else fitted with the strength held; None where there is no such fit."""
@@ -140,15 +184,20 @@ class _End:
         unknowns[problem.program.place(cause.name)] = strength / cause.plausible
         if not np.all(np.isfinite(problem.predict(unknowns))):
             return None
+        # Whether the full simulation agrees is asked at the end alone.
         found = fit_hmi(
             problem, fit.extensions, self.noise, size=self.size, start=self.start, strengths=strengths,
-            held=(self.which,),
+            held=(self.which,), anywhere=True,
         )  # fmt: skip
         if not found.converged:
             return None
         self.tried.append(found)
         risen = math.sqrt(max(found.misfit - fit.misfit, 0.0)) / self.bound
         return _Trial(step, risen, found)
+
+
+def _is_finite(problem: HmiDiagnosisProblem) -> bool:
+    return problem.correction is not None and problem.correction.is_finite
 
 
 def _next(inside: _Trial | None, outside: _Trial | None) -> float:

@@ -1,6 +1,7 @@
 """The simulation with causes in it, fitted in full: constants, strengths, shapes and a factor of each sonication."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -43,9 +44,10 @@ class HmiFit:
         directions: Derivative of what is predicted of them in everything that was fitted, the factors last.
         misfit: Sum of squares of the residuals in coordinates in which the noise is white: what the fit made least.
         excess: How far outside of the fast model's range, above 1; covered up to 1.
-        converged: Whether it did; outside of that range, whether the full simulation agrees.
+        converged: Whether it did; outside of that range, whether the full simulation agrees, too.
         status: The outcome in words.
         left: How far the full simulation is from the corrected one there, as d'; NaN where it was not asked.
+        remarks: What is to be said of its intervals.
     """
 
     problem: HmiDiagnosisProblem
@@ -60,6 +62,7 @@ class HmiFit:
     converged: bool
     status: str
     left: float = float("nan")
+    remarks: tuple[str, ...] = ()
 
     @property
     def freedom(self) -> int:
@@ -84,7 +87,8 @@ def fit_in_full(
     """`fit_hmi` by the full simulation: corrected to it where the fit comes out, as often as the fit moves from there.
 
     Where a lesion begins the fast simulation is a percent off, and what moves its beginning is off by more. A fit that
-    leaves what the fast one covers counts if the full one agrees with it at last.
+    leaves what the fast one covers counts if the full one agrees with it at last; of one that does not leave it, `left`
+    says how far they are apart.
 
     Args:
         problem: Data and simulation.
@@ -94,20 +98,19 @@ def fit_in_full(
         start: Unknowns to start from.
         strengths: First guess of the strengths, in their units.
     """
-    found = fit_hmi(problem, extensions, noise, size=size, start=start, strengths=strengths)
+    found = fit_hmi(problem, extensions, noise, size=size, start=start, strengths=strengths, anywhere=True)
     for _ in range(_MOST_CORRECTIONS):
         near = problem.corrected_at(found.unknowns, moved_by(problem, found.extensions))
         if near.correction is None or not near.correction.is_finite:
             status = "the full simulation has no such tissue: not corrected to it"
             return dataclasses.replace(found, converged=False, status=status)
         found = fit_hmi(
-            near, found.extensions, noise, size=size, start=found.unknowns, strengths=found.strengths
+            near, found.extensions, noise, size=size, start=found.unknowns, strengths=found.strengths, anywhere=True
         )  # fmt: skip
-        left = float(np.linalg.norm(near.left(found.unknowns))) / size
-        found = dataclasses.replace(found, left=left)
-        if left <= SETTLED:
+        found = _compared(found, size)
+        if found.left <= SETTLED:
             return found
-    return found if found.excess <= 1.0 else dataclasses.replace(found, converged=False, status=_outside(found.excess))
+    return found if found.excess <= 1.0 else _not_confirmed(found)
 
 
 def fit_hmi(
@@ -120,6 +123,7 @@ def fit_hmi(
     strengths: Float[np.ndarray, " extension"] | None = None,
     used: Bool[np.ndarray, " row"] | None = None,
     held: Sequence[int] = (),
+    anywhere: bool = False,
 ) -> HmiFit:
     """Fit all constants, strengths and shapes together, with the priors of the constants.
 
@@ -132,8 +136,38 @@ def fit_hmi(
         strengths: First guess of the strengths, in their units.
         used: Rows to fit; all without.
         held: Extensions whose strengths stay as they are given.
+        anywhere: Whether a fit outside of what the fast simulation covers counts before the full one is asked, by those
+            who ask it themselves.
     """
-    return _Fitting(problem, tuple(extensions), noise, size, used, held).run(start, strengths)
+    found = _Fitting(problem, tuple(extensions), noise, size, used, held).run(start, strengths)
+    if found.excess <= 1.0 or not found.converged:
+        return found
+    if problem.correction is None:
+        return _not_confirmed(found)
+    if anywhere:
+        return found
+    found = _compared(found, size)
+    return found if found.left <= SETTLED else _not_confirmed(found)
+
+
+def _compared(fit: HmiFit, size: float) -> HmiFit:
+    """With how far the full simulation is from it."""
+    return dataclasses.replace(fit, left=float(np.linalg.norm(fit.problem.left(fit.unknowns))) / size)
+
+
+def _not_confirmed(fit: HmiFit) -> HmiFit:
+    status = f"the fit leaves the range of the fast model (excess {fit.excess:.2f} of 1)"
+    if not math.isnan(fit.left):
+        status += f", and the full simulation is {fit.left:.1f} standard deviations of the noise away"
+    return dataclasses.replace(fit, converged=False, status=status)
+
+
+def again_from(fit: HmiFit, noise: Noise, size: float) -> HmiFit:
+    """The same once more from where it came out: in other noise, or with noise of another size."""
+    again = fit_hmi(fit.problem, fit.extensions, noise, size=size, start=fit.unknowns, strengths=fit.strengths)
+    if math.isnan(again.left):
+        again = dataclasses.replace(again, left=fit.left)
+    return again if fit.converged else dataclasses.replace(again, converged=False, status=fit.status)
 
 
 class _Fitting:
@@ -257,8 +291,6 @@ class _Fitting:
         ends = unknowns[self.strengths, None] + reach * errors[:, None] * np.array([-1.0, 1.0])
         one_sided = np.array([e.cause.sign > 0 for e in self.extensions], dtype=bool)
         ends = np.where(one_sided[:, None], np.maximum(ends, 0.0), ends)
-        excess = self.program.excess(unknowns)
-        covered = excess <= 1.0 or problem.correction is not None
         return HmiFit(
             problem=problem,
             unknowns=unknowns,
@@ -271,9 +303,9 @@ class _Fitting:
             residuals=np.append(raw - weighted @ factors, -self.size * believed),
             directions=self._directions(plain, weighted, unknowns),
             misfit=misfit,
-            excess=excess,
-            converged=success and covered,
-            status=status if covered else _outside(excess),
+            excess=self.program.excess(unknowns),
+            converged=success,
+            status=status,
         )
 
 
@@ -287,10 +319,6 @@ def moved_by(problem: HmiDiagnosisProblem, extensions: Sequence[Extension[HmiCau
         if extension.has_shape
     ]
     return np.array([*strengths, *shapes, *program.constants], dtype=int)
-
-
-def _outside(excess: float) -> str:
-    return f"the fit leaves the range of the fast model (excess {excess:.2f} of 1)"
 
 
 def _errors(jacobian: Float[np.ndarray, "n p"], size: float) -> Float[np.ndarray, " p"]:

@@ -164,8 +164,9 @@ def test_ends_of_a_profile_are_those_of_the_full_simulation(problem):
             given = {"size": noise, "start": held.unknowns, "strengths": np.array([end]), "held": (0,)}
             held = fit_hmi(near, (extension,), white(hidden), **given)
         assert np.linalg.norm(near.left(held.unknowns)) < 0.1 * noise
-        # Two simulations half a standard deviation apart reach a bound of two at a quarter of it from each other.
-        assert np.sqrt(max(held.misfit - fit.misfit, 0.0)) == pytest.approx(bound, rel=0.25)
+        # Simulations d apart have misfits 2 r d apart: for d of half a standard deviation and noise r of any direction
+        # about 1, in squared ones. Twice that takes the root, the bound of 2, to 1.4 or 2.4.
+        assert np.sqrt(max(held.misfit - fit.misfit, 0.0)) == pytest.approx(bound, rel=0.3)
 
 
 def test_profile_of_a_local_fit_leads_to_the_better_one(problem):
@@ -175,9 +176,12 @@ def test_profile_of_a_local_fit_leads_to_the_better_one(problem):
     assert local.converged and local.misfit > 1.5 * fit.misfit
     local = dataclasses.replace(local, intervals=fit.intervals - fit.strengths + local.strengths)
     found, best = (profiled(one, white(fit.problem), 0.005) for one in (local, fit))
+    assert best.remarks == () and "better fit" in found.remarks[0]
     half = (best.intervals[0, 1] - best.intervals[0, 0]) / 2.0
-    np.testing.assert_allclose(found.strengths, best.strengths, atol=0.02 * half)
-    np.testing.assert_allclose(found.intervals, best.intervals, atol=0.06 * half)
+    # Fits end at a relative 1e-4 of a misfit of 60 variances, 0.08 standard deviations; half an interval has two.
+    np.testing.assert_allclose(found.strengths, best.strengths, atol=0.04 * half)
+    # Ends are met to 5 % each.
+    np.testing.assert_allclose(found.intervals, best.intervals, atol=(0.04 + 2.0 * 0.05) * half)
 
 
 def test_rows_left_out_say_nothing(problem):
