@@ -25,7 +25,7 @@ import numpy as np
 
 import arfjax as ax
 from benchmarks.diagnosis_docs import HMI_STUDY, write_docs
-from benchmarks.diagnosis_limits import Design, limits, projected_length, visible
+from benchmarks.diagnosis_limits import Design, limits, projected_length
 from benchmarks.diagnosis_record import arguments, recorded, stamp
 from benchmarks.diagnosis_summary import summarise
 from inverse.datasets.hmi import HmiData, read_hmi
@@ -34,6 +34,7 @@ from inverse.diagnosis import HMI_CAUSES, Diagnosis, diagnose_hmi
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.examination import noise_size
 from inverse.diagnosis.hmi.prepare import PreparedHmi, hmi_problem_of, prepare_hmi
+from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.program import HmiProgram
 from inverse.diagnosis.hmi.refit import HmiFit
 from inverse.diagnosis.screening import Alternative
@@ -128,17 +129,25 @@ def design(bench: Bench, seed: int) -> Design:
     account = found.account
     assert isinstance(account, HmiAccount)
     assert found.decision is not None
-    problem, null = account.problem, account.null
+    problem, null, tested = account.problem, account.null, found.decision.omnibus.alternatives
     looked_for = problem.alternatives(null.unknowns, null.directions, noise_size(null))
-    names = {one.name for one in looked_for}
+    names, kept = {one.name for one in looked_for}, {(one.name, one.shape, one.sign) for one in tested}
     return Design(
-        null.directions,
-        visible(looked_for, null.directions),
+        _with_beliefs_of(blind.NOISE, problem, null),
+        [one for one in looked_for if (one.name, one.shape, one.sign) in kept],
         {name: _truth(looked_for, name, null) for name in blind.EFFECTS},
         problem.noise_family(),
-        [one for one in found.decision.omnibus.alternatives if one.name not in names],
+        [one for one in tested if one.name not in names],
         problem.rows.temperature,
     )
+
+
+def _with_beliefs_of(size: float, problem: HmiDiagnosisProblem, null: HmiFit) -> np.ndarray:
+    """Directions of a fit, what is believed in units of noise of another size than the one that the fit found."""
+    directions, readings = null.directions.copy(), len(null.of_readings)
+    slopes = problem.program.penalty_slopes(null.unknowns)[:, problem.program.constants]
+    directions[readings:] *= size * np.linalg.norm(slopes) / np.linalg.norm(directions[readings:])
+    return directions
 
 
 def _truth(looked_for: list[Alternative], name: str, null: HmiFit) -> np.ndarray:

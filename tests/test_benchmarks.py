@@ -172,7 +172,7 @@ def linear_design() -> Design:
 @pytest.mark.parametrize(("part", "name"), [("known", "perfusion"), ("null", "none"), ("removed", "perfusion")])
 def test_linear_sets_find_an_effect_and_spare_noise(part, name):
     condition = diagnosis_hmi.Condition(part, name, 0.0 if part == "null" else 15.0)
-    lines = diagnosis_hmi_fast.some_sets(linear_design(), condition, range(10))
+    lines = diagnosis_hmi_fast.some_sets([linear_design()], condition, range(10))
     found = [line for line in lines if line["verdict"] != "adequate"]
     if part == "null":
         assert len(found) <= 3  # more have a probability of 0.1 %, and the seeds are the first that were taken
@@ -181,13 +181,16 @@ def test_linear_sets_find_an_effect_and_spare_noise(part, name):
         assert len(found) == len(lines) and all(line["first"] == name for line in lines)
     else:
         assert all(name not in [line["first"], *line["possible"]] for line in lines)
+        assert all(line["verdict"] in ("adequate", "unexplained") for line in lines)
 
 
 def test_linear_sets_are_planned_with_seeds_of_their_own():
     for development in (True, False):
-        seeds = [seed for *_, some in diagnosis_hmi_fast.planned([linear_design()], 1.0, development) for seed in some]
+        seeds = [seed for _, some in diagnosis_hmi_fast.planned(1.0, development) for seed in some]
         assert len(seeds) == len(set(seeds)) > 2000
-        assert (max(seeds) < diagnosis_hmi.blind.TEST_SEEDS) == development
+        assert {seed < diagnosis_hmi.blind.TEST_SEEDS for seed in seeds} == {development}
+    with pytest.raises(ValueError, match="share"):
+        diagnosis_hmi_fast.planned(1.5, True)
 
 
 def test_error_of_a_rate_is_that_of_wilson():

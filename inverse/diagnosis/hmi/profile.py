@@ -8,6 +8,7 @@ corrected to the full simulation where they come out, as fits are.
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
@@ -91,12 +92,12 @@ def _anew(fit: HmiFit, trial: HmiFit | None, noise: Noise, size: float) -> HmiFi
 
 
 @dataclasses.dataclass(frozen=True)
-class _Trial:
+class Trial:
     """All else fitted with the strength a distance from its estimate, which is risen of the way to the bound."""
 
     step: float
     risen: float
-    fit: HmiFit
+    unknowns: Float[np.ndarray, " unknown"]
     remark: str = ""
 
 
@@ -129,11 +130,11 @@ class _End:
         for number in range(_MOST_CORRECTIONS + 1):
             if end is None or settled:
                 break
-            settled = float(np.linalg.norm(problem.left(end.fit.unknowns))) <= SETTLED * self.size
+            settled = float(np.linalg.norm(problem.left(end.unknowns))) <= SETTLED * self.size
             if settled or number == _MOST_CORRECTIONS:
                 break
-            problem = problem.corrected_at(end.fit.unknowns, moved_by(problem, self.fit.extensions))
-            self.start = end.fit.unknowns
+            problem = problem.corrected_at(end.unknowns, moved_by(problem, self.fit.extensions))
+            self.start = end.unknowns
             again = self._searched(problem, end.step) if _is_finite(problem) else None
             if again is None:
                 break
@@ -150,32 +151,10 @@ class _End:
         lowest = 0.0 if cause.sign > 0 else -cause.largest
         return max(self.best - lowest if self.direction < 0.0 else cause.largest - self.best, 0.0)
 
-    def _searched(self, problem: HmiDiagnosisProblem, step: float) -> _Trial | None:
-        """The trial at the bound, or next to it; None where there is nothing but the estimate."""
-        inside: _Trial | None = None
-        outside: _Trial | None = None
-        failed = math.inf
-        for _ in range(_MOST_TRIALS):
-            trial = self._held(problem, step)
-            if trial is None:
-                failed = step
-            elif abs(trial.risen - 1.0) < _CLOSE or (trial.risen < 1.0 and step >= self.limit):
-                return trial
-            elif trial.risen < 1.0:
-                inside = trial
-            else:
-                outside = trial
-            nearest = 0.0 if inside is None else inside.step
-            if inside is not None and failed - nearest < _CLOSE * failed:
-                return dataclasses.replace(inside, remark="is where fits could be made no farther.")
-            step = min(_next(inside, outside) if inside or outside else failed, self.limit)
-            if step >= failed:
-                step = 0.5 * (nearest + failed)
-        remark = f"was not met in {_MOST_TRIALS} trials."
-        end = outside or inside
-        return None if end is None else dataclasses.replace(end, remark=remark)
+    def _searched(self, problem: HmiDiagnosisProblem, step: float) -> Trial | None:
+        return searched(lambda step: self._held(problem, step), step, self.limit)
 
-    def _held(self, problem: HmiDiagnosisProblem, step: float) -> _Trial | None:
+    def _held(self, problem: HmiDiagnosisProblem, step: float) -> Trial | None:
         """All else fitted with the strength held; None where there is no such fit."""
         fit, strength = self.fit, self.best + self.direction * step
         strengths: Float[np.ndarray, " extension"] = fit.strengths.copy()
@@ -193,14 +172,45 @@ class _End:
             return None
         self.tried.append(found)
         risen = math.sqrt(max(found.misfit - fit.misfit, 0.0)) / self.bound
-        return _Trial(step, risen, found)
+        return Trial(step, risen, found.unknowns)
 
 
 def _is_finite(problem: HmiDiagnosisProblem) -> bool:
     return problem.correction is not None and problem.correction.is_finite
 
 
-def _next(inside: _Trial | None, outside: _Trial | None) -> float:
+def searched(held: Callable[[float], Trial | None], step: float, limit: float) -> Trial | None:
+    """The trial at the bound, or next to it; None where there is nothing but the estimate.
+
+    Args:
+        held: The trial at a distance; None where there is none.
+        step: Where to begin.
+        limit: The farthest.
+    """
+    inside: Trial | None = None
+    outside: Trial | None = None
+    failed = math.inf
+    for _ in range(_MOST_TRIALS):
+        trial = held(step)
+        if trial is None:
+            failed = step
+        elif abs(trial.risen - 1.0) < _CLOSE or (trial.risen < 1.0 and step >= limit):
+            return trial
+        elif trial.risen < 1.0:
+            inside = trial
+        else:
+            outside = trial
+        nearest = 0.0 if inside is None else inside.step
+        if inside is not None and failed - nearest < _CLOSE * failed:
+            return dataclasses.replace(inside, remark="is where fits could be made no farther.")
+        step = min(_next(inside, outside) if inside or outside else failed, limit)
+        if step >= failed:
+            step = 0.5 * (nearest + failed)
+    end = outside or inside
+    return None if end is None else dataclasses.replace(end, remark=f"was not met in {_MOST_TRIALS} trials.")
+
+
+def _next(inside: Trial | None, outside: Trial | None) -> float:
     """The next step: on the line between the trials next to the bound, or on the one through the estimate."""
     here, risen = (0.0, 0.0) if inside is None else (inside.step, inside.risen)
     if outside is None:

@@ -24,7 +24,7 @@ from inverse.diagnosis.hmi.examination import Refits
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.program import HmiProgram
-from inverse.diagnosis.hmi.refit import fit_hmi, fit_in_full, moved_by
+from inverse.diagnosis.hmi.refit import again_from, fit_hmi, fit_in_full, moved_by
 from inverse.diagnosis.screening import Screen
 from inverse.hmi_model import predict
 from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, fitted_with, measured_with, white
@@ -377,6 +377,10 @@ def test_fit_outside_of_the_fast_simulation_counts_if_the_full_one_agrees(proble
     fast, full = (fit(measured, (), white(measured), **given) for fit in FITS)
     assert not fast.converged and full.converged == confirmed
     assert all("leaves the range" in fit.status for fit in (fast, full) if not fit.converged)
+    # Once more from there, in this noise or another, it is asked again; and nothing makes a fit that failed a good one.
+    assert again_from(full, white(measured), 1e-2).converged == confirmed
+    monkeypatch.setattr(refit, "SETTLED", 0.5)
+    assert again_from(full, white(measured), 1e-2).converged == confirmed
 
 
 def test_fit_on_which_the_simulations_do_not_agree_says_so(problem):
