@@ -118,15 +118,24 @@ class Refits:
             if fit.converged and fit.left > SETTLED
         ]
         ends = [(names, fit.remarks) for (names, _, profile), fit in self._done.items() if profile]
-        return (*unsettled, *(f"{' and '.join(names)}: {one}" for names, remarks in ends for one in remarks))
+        return (
+            *self._null.remarks,
+            *unsettled,
+            *(f"{' and '.join(names)}: {one}" for names, remarks in ends for one in remarks),
+        )
 
 
 def _in_its_noise(null: HmiFit, family: Sequence[Noise], size: float) -> HmiFit:
     """The model fitted in the likeliest kind of noise, see `examine_dma`."""
     _, member, _ = Screen(null.directions, (), family).noise_evidence(null.residuals[:, None])
     noise = family[member[0]]
-    again = null if noise.is_white else again_from(null, noise, size)
-    return again if again.converged else null
+    if noise.is_white:
+        return null
+    again = again_from(null, noise, size)
+    remark = (
+        f"In the likeliest kind of noise the fit without causes failed ({again.status}): the one in white noise stands."
+    )
+    return again if again.converged else dataclasses.replace(null, remarks=(*null.remarks, remark))
 
 
 def noise_size(fit: HmiFit) -> float:
