@@ -33,10 +33,10 @@ from inverse.datasets.shipped import shipped
 from inverse.diagnosis import HMI_CAUSES, Diagnosis, diagnose_hmi
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.examination import noise_size
+from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.prepare import PreparedHmi, hmi_problem_of, prepare_hmi
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.program import HmiProgram
-from inverse.diagnosis.hmi.refit import HmiFit
 from inverse.diagnosis.screening import Alternative
 from inverse.inference.experiment import inference_settings
 from tests.blind import hmi_generator as blind

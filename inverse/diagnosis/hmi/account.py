@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
-from inverse.diagnosis.hmi.refit import HmiFit
 from inverse.diagnosis.where import Absorbed
 
 

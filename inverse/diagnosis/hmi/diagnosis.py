@@ -16,6 +16,7 @@ from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.causes import HMI_CAUSES
 from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows
 from inverse.diagnosis.hmi.examination import Refits, examine_hmi, noise_size
+from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.gain import held_out_gain_hmi
 from inverse.diagnosis.hmi.prepare import (
     LEARNT,
@@ -26,7 +27,7 @@ from inverse.diagnosis.hmi.prepare import (
 )
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.program import HmiProgram
-from inverse.diagnosis.hmi.refit import SETTLED, HmiFit, again_from, fit_hmi, fit_in_full
+from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_full
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.where import Axis
 from inverse.inference.experiment import inference_settings

@@ -1,7 +1,8 @@
 """Curves of displacement examined."""
 
 import dataclasses
-from collections.abc import Sequence
+import types
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -10,9 +11,11 @@ from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.decision import REPLICATES, Refitted, decide
 from inverse.diagnosis.examination import Examined, extension_of, linear_strengths, visible_alternatives
 from inverse.diagnosis.hmi.cause import HmiCause
+from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.free_forms import hmi_free_forms
 from inverse.diagnosis.hmi.profile import profiled
-from inverse.diagnosis.hmi.refit import SETTLED, HmiFit, again_from, fit_hmi, fit_in_full
+from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_full
+from inverse.diagnosis.hmi.rough_fit import RoughFit, best_of_each, rough_fits
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.screening import Alternative, Screen
 
@@ -40,7 +43,7 @@ def examine_hmi(
     """
     problem = null.problem
     family = problem.noise_family()
-    null = _in_its_noise(null, family, size)
+    null, noise = _in_its_noise(null, family, size)
     residuals, fitted = null.residuals, null.directions
     spread = noise_size(null)
     names = {cause.name for cause in causes}
@@ -53,7 +56,8 @@ def examine_hmi(
         for one in forms
     ]
 
-    refits = Refits(null, family, size=size, corrected=corrected)
+    rough = rough_fits(null, noise, seen, size=size, spread=spread)
+    refits = Refits(null, family, size=size, corrected=corrected, starts=best_of_each(rough))
 
     def extend(added: Sequence[Alternative], noise: Noise) -> Refitted:
         extensions = [extension_of(causes, one) for one in added]
@@ -65,16 +69,36 @@ def examine_hmi(
         misfit = refit.misfit if refit.converged else max(refit.misfit, null.misfit)
         return Refitted(refit.residuals, refit.directions, misfit, others)
 
-    decision = decide(residuals, fitted, seen, forms, family, rng, extend=extend, level=level, replicates=replicates)
+    looked_for = [one.alternative for one in rough]
+    decision = decide(
+        residuals, fitted, looked_for, forms, family, rng, extend=extend, level=level, replicates=replicates
+    )
     return Examined(
-        tuple(causes), residuals, fitted, spread, tuple(seen), not_testable, tuple(places), family, decision, refits
+        tuple(causes),
+        residuals,
+        fitted,
+        spread,
+        tuple(looked_for),
+        not_testable,
+        tuple(places),
+        family,
+        decision,
+        refits,
     )
 
 
 class Refits:
     """Fits of the full simulation with causes in it, each done once; in other noise from where it came out."""
 
-    def __init__(self, null: HmiFit, family: Sequence[Noise], *, size: float, corrected: bool) -> None:
+    def __init__(
+        self,
+        null: HmiFit,
+        family: Sequence[Noise],
+        *,
+        size: float,
+        corrected: bool,
+        starts: Mapping[str, RoughFit] = types.MappingProxyType({}),
+    ) -> None:
         """Begin.
 
         Args:
@@ -82,7 +106,9 @@ class Refits:
             family: Noise members.
             size: Of the noise, in units of the weights.
             corrected: Whether to correct the fast simulation.
+            starts: A rough fit of each cause, beside the fit without causes.
         """
+        self._starts = starts
         self._null, self._family = null, tuple(family)
         self._size, self._corrected = size, corrected
         self._near: dict[tuple[str, ...], HmiFit] = {}
@@ -105,9 +131,22 @@ class Refits:
         return self._done[names, member, profile]
 
     def _first(self, extensions, noise, start) -> HmiFit:
-        null = self._null
-        fit = fit_in_full if self._corrected else fit_hmi
-        return fit(null.problem, extensions, noise, size=self._size, start=null.unknowns, strengths=start)
+        best = self._fast(extensions, noise, self._null.unknowns, start)
+        if len(extensions) == 1 and (rough := self._starts.get(extensions[0].cause.name)) is not None:
+            there = [Extension(extensions[0].cause, rough.shape)]
+            other = self._fast(there, noise, rough.unknowns, np.array([rough.strength]))
+            best = min(best, other, key=lambda one: (not one.converged, one.misfit))
+        if not self._corrected:
+            return best
+        return fit_in_full(
+            best.problem, best.extensions, noise, size=self._size, start=best.unknowns, strengths=best.strengths
+        )  # fmt: skip
+
+    def _fast(self, extensions, noise, start, strengths) -> HmiFit:
+        return fit_hmi(
+            self._null.problem, extensions, noise, size=self._size, start=start, strengths=strengths,
+            anywhere=self._corrected,
+        )  # fmt: skip
 
     def remarks(self) -> tuple[str, ...]:
         """What is to be said of fits that the full simulation had not settled, and of intervals."""
@@ -125,17 +164,19 @@ class Refits:
         )
 
 
-def _in_its_noise(null: HmiFit, family: Sequence[Noise], size: float) -> HmiFit:
-    """The model fitted in the likeliest kind of noise, see `examine_dma`."""
+def _in_its_noise(null: HmiFit, family: Sequence[Noise], size: float) -> tuple[HmiFit, Noise]:
+    """The model fitted in the likeliest kind of noise, and that; see `examine_dma`."""
     _, member, _ = Screen(null.directions, (), family).noise_evidence(null.residuals[:, None])
     noise = family[member[0]]
     if noise.is_white:
-        return null
+        return null, noise
     again = again_from(null, noise, size)
     remark = (
         f"In the likeliest kind of noise the fit without causes failed ({again.status}): the one in white noise stands."
     )
-    return again if again.converged else dataclasses.replace(null, remarks=(*null.remarks, remark))
+    if again.converged:
+        return again, noise
+    return dataclasses.replace(null, remarks=(*null.remarks, remark)), family[0]
 
 
 def noise_size(fit: HmiFit) -> float:

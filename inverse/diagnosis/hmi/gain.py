@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from inverse.diagnosis.gain import LEAST_FOLDS, Gain
+from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
-from inverse.diagnosis.hmi.refit import HmiFit, fit_hmi
+from inverse.diagnosis.hmi.refit import fit_hmi
 from inverse.diagnosis.noise import Noise
 
 _BLOCKS = 5

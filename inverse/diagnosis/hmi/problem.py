@@ -90,7 +90,7 @@ class HmiDiagnosisProblem:
             lengths = np.linalg.norm(slopes - basis @ (basis.T @ slopes), axis=0)
             for (place, cause), length in zip(here, lengths, strict=True):
                 shape = cause.shapes[number] if len(cause.shapes) > 1 else None
-                reach = min(DETECTABLE * size / max(float(length), 1e-300), _farthest(cause))
+                reach = min(DETECTABLE * size / max(float(length), 1e-300), farthest(cause))
                 for sign in (1, -1)[: 1 if cause.sign > 0 else 2]:
                     # In the strength's own unit: the program counts in plausible strengths.
                     column = self.weights * program.secant(at, place, sign * reach, plain) / cause.plausible
@@ -127,6 +127,6 @@ class HmiDiagnosisProblem:
         return tuple(one.extended(len(self.program.start)) for one in family)
 
 
-def _farthest(cause: HmiCause) -> float:
+def farthest(cause: HmiCause) -> float:
     """Strength, in plausible ones, up to which an effect is followed."""
     return min(_FARTHEST, cause.largest / cause.plausible)

@@ -14,8 +14,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
+from inverse.diagnosis.hmi.fitting import INTERVAL_LEVEL, HmiFit, moved_by
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
-from inverse.diagnosis.hmi.refit import INTERVAL_LEVEL, SETTLED, HmiFit, fit_hmi, fit_in_full, moved_by
+from inverse.diagnosis.hmi.refit import SETTLED, fit_hmi, fit_in_full
 from inverse.diagnosis.noise import Noise
 
 _MOST_TRIALS = 8

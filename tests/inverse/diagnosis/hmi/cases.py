@@ -7,7 +7,9 @@ import numpy as np
 
 from inverse.datasets.hmi import HmiData
 from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.hmi.examination import noise_size
 from inverse.diagnosis.hmi.refit import fit_hmi
+from inverse.diagnosis.hmi.rough_fit import rough_fits
 
 FINAL = (64.0, 80.0)
 STATES = [np.linspace(37.0, final, 13) for final in FINAL]
@@ -42,3 +44,29 @@ def fitted_with(problem, name, strength, noise, **given):
     cause = next(cause for cause in problem.program.causes if cause.name == name)
     guess = np.array([strength * cause.plausible])
     return fit_hmi(hidden, (Extension(cause, cause.shapes[0]),), white(hidden), size=noise, strengths=guess)
+
+
+def at_strength(problem, cause, strength, shape=None):
+    """Prediction with a strength in plausible ones, centred in each sonication."""
+    program = problem.program
+    unknowns = program.null()
+    unknowns[program.place(cause.name)] = strength
+    unknowns[len(program.causes) + program.place(cause.name)] = cause.shapes[0] if shape is None else shape
+    return unknowns, program.predict(unknowns)
+
+
+def looked_for_in(problem, name, strength, noise):
+    """Data with a cause in them, the fit without it, and the rough fits of that cause."""
+    hidden, _ = measured_with(problem, name, strength, noise=noise, seed=6)
+    null = fit_hmi(hidden, (), white(hidden), size=noise)
+    spread = noise_size(null)
+    effects = [one for one in hidden.alternatives(null.unknowns, null.directions, spread) if one.name == name]
+    return hidden, null, effects, rough_fits(null, white(hidden), effects, size=noise, spread=spread)
+
+
+def strength_and_shape(problem, name, strength, shape):
+    unknowns = problem.program.null()
+    unknowns[problem.program.constants] += 0.1
+    place = problem.program.place(name)
+    unknowns[[place, place + len(problem.program.causes)]] = strength, shape
+    return unknowns

@@ -1,0 +1,65 @@
+"""Least squares without derivatives but the first."""
+
+import numpy as np
+import pytest
+from scipy import optimize
+
+from inverse.diagnosis.hmi.rough_fit import Followed
+
+FREE = np.array([-np.inf, -np.inf, -np.inf]), np.array([np.inf, np.inf, np.inf])
+TIMES = np.linspace(0.0, 1.0, 20)
+
+
+def straight(seed=0):
+    rng = np.random.default_rng(seed)
+    slopes, first = rng.standard_normal((20, 3)), rng.standard_normal(20)
+    return slopes, first
+
+
+def test_of_what_is_straight_it_is_the_solution_within_bounds():
+    slopes, first = straight()
+    best = np.linalg.lstsq(slopes, -first, rcond=None)[0]
+    bounded = np.append(best[0] + 1.0, np.linalg.lstsq(slopes[:, 1:], -first - slopes[:, 0] * (best[0] + 1.0))[0])
+    for lower, wanted in ((FREE[0], best), (np.array([best[0] + 1.0, -np.inf, -np.inf]), bounded)):
+        followed = Followed(lambda point: first + slopes @ point, first, slopes)
+        followed.descend(lower, FREE[1])
+        np.testing.assert_allclose(followed.best, wanted, atol=1e-9)
+        np.testing.assert_allclose(followed.lowest, first + slopes @ wanted, atol=1e-9)
+
+
+def bent(point):
+    """An exponential of time, its rate doubled by a point of 1, less one of other constants."""
+    height, rate, base = 1.0 + point[0], 2.0 * (1.0 + point[1]), point[2]
+    return height * np.exp(-rate * TIMES) + base - (1.4 * np.exp(-3.4 * TIMES) + 0.1)
+
+
+def test_of_what_bends_eight_steps_leave_next_to_nothing():
+    step = 1e-6 * np.eye(3)
+    slopes = np.column_stack([(bent(one) - bent(-one)) / 2e-6 for one in step])
+    followed = Followed(bent, bent(np.zeros(3)), slopes)
+    followed.descend(*FREE)
+    begun, linear = np.sum(bent(np.zeros(3)) ** 2), np.linalg.lstsq(slopes, -bent(np.zeros(3)))[0]
+    # A direction is wanted within a few percent; the step along the first derivative alone leaves more.
+    assert followed.lowest @ followed.lowest < 1e-3 * begun < np.sum(bent(linear) ** 2)
+    solved = optimize.least_squares(bent, np.zeros(3)).x
+    np.testing.assert_allclose(followed.best, solved, atol=0.1 * np.max(np.abs(solved)))
+
+
+def test_steps_to_where_there_is_nothing_are_taken_back():
+    slopes, first = straight()
+
+    def value(point):
+        return first + slopes @ point if np.all(np.abs(point) < 0.3) else np.full(len(first), np.nan)
+
+    followed = Followed(value, first, slopes)
+    followed.descend(*FREE)
+    assert followed.best is not None
+    assert followed.lowest @ followed.lowest < first @ first
+
+
+@pytest.mark.filterwarnings("error")
+def test_where_there_is_nothing_at_all_there_is_no_best_point():
+    slopes, first = straight()
+    followed = Followed(lambda point: np.full(len(first), np.nan), first, slopes)
+    followed.descend(*FREE)
+    assert followed.best is None
