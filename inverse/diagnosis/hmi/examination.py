@@ -11,11 +11,11 @@ from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.decision import REPLICATES, Refitted, decide
 from inverse.diagnosis.examination import Examined, extension_of, linear_strengths, visible_alternatives
 from inverse.diagnosis.hmi.cause import HmiCause
-from inverse.diagnosis.hmi.fitting import HmiFit
+from inverse.diagnosis.hmi.fitting import HmiFit, moved_by
 from inverse.diagnosis.hmi.free_forms import hmi_free_forms
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_full
-from inverse.diagnosis.hmi.rough_fit import RoughFit, best_of_each, rough_fits
+from inverse.diagnosis.hmi.rough_fit import RoughFit, best_of_each, in_full, rough_fits
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.screening import Alternative, Screen
 
@@ -56,7 +56,7 @@ def examine_hmi(
         for one in forms
     ]
 
-    rough = rough_fits(null, noise, seen, size=size, spread=spread)
+    rough = _rough(null, noise, seen, size, corrected)
     refits = Refits(null, family, size=size, corrected=corrected, starts=best_of_each(rough))
 
     def extend(added: Sequence[Alternative], noise: Noise) -> Refitted:
@@ -131,22 +131,16 @@ class Refits:
         return self._done[names, member, profile]
 
     def _first(self, extensions, noise, start) -> HmiFit:
-        best = self._fast(extensions, noise, self._null.unknowns, start)
+        problem, unknowns = self._null.problem, self._null.unknowns
         if len(extensions) == 1 and (rough := self._starts.get(extensions[0].cause.name)) is not None:
-            there = [Extension(extensions[0].cause, rough.shape)]
-            other = self._fast(there, noise, rough.unknowns, np.array([rough.strength]))
-            best = min(best, other, key=lambda one: (not one.converged, one.misfit))
-        if not self._corrected:
-            return best
-        return fit_in_full(
-            best.problem, best.extensions, noise, size=self._size, start=best.unknowns, strengths=best.strengths
-        )  # fmt: skip
-
-    def _fast(self, extensions, noise, start, strengths) -> HmiFit:
-        return fit_hmi(
-            self._null.problem, extensions, noise, size=self._size, start=start, strengths=strengths,
-            anywhere=self._corrected,
-        )  # fmt: skip
+            extensions = [Extension(extensions[0].cause, rough.shape)]
+            unknowns, start = rough.unknowns, np.array([rough.strength])
+            if self._corrected:
+                # Where it is corrected to the full simulation, fits come out: not where there is no such cause.
+                near = problem.corrected_at(unknowns, moved_by(problem, extensions))
+                problem = near if near.correction is not None and near.correction.is_finite else problem
+        fit = fit_in_full if self._corrected else fit_hmi
+        return fit(problem, extensions, noise, size=self._size, start=unknowns, strengths=start)
 
     def remarks(self) -> tuple[str, ...]:
         """What is to be said of fits that the full simulation had not settled, and of intervals."""
@@ -162,6 +156,18 @@ class Refits:
             *unsettled,
             *(f"{' and '.join(names)}: {one}" for names, remarks in ends for one in remarks),
         )
+
+
+def _rough(
+    null: HmiFit, noise: Noise, alternatives: Sequence[Alternative], size: float, corrected: bool
+) -> list[RoughFit]:
+    """Rough fits of the causes of some alternatives, by the fast simulation as it is; the best by the full one."""
+    if not corrected:
+        return rough_fits(null, noise, alternatives, size=size, spread=noise_size(null))
+    plain = dataclasses.replace(null.problem, correction=None)
+    begun = fit_hmi(plain, (), noise, size=size, start=null.unknowns)
+    fits = rough_fits(begun, noise, alternatives, size=size, spread=noise_size(begun))
+    return in_full(fits, begun, null, size)
 
 
 def _in_its_noise(null: HmiFit, family: Sequence[Noise], size: float) -> tuple[HmiFit, Noise]:

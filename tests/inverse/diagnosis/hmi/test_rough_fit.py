@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy import optimize
 
 from inverse.diagnosis.hmi.rough_fit import Followed
 
@@ -28,9 +27,9 @@ def test_of_what_is_straight_it_is_the_solution_within_bounds():
 
 
 def bent(point):
-    """An exponential of time, its rate doubled by a point of 1, less one of other constants."""
+    """An exponential of time less one of other constants: with the first derivative throughout, 4 % are left."""
     height, rate, base = 1.0 + point[0], 2.0 * (1.0 + point[1]), point[2]
-    return height * np.exp(-rate * TIMES) + base - (1.4 * np.exp(-3.4 * TIMES) + 0.1)
+    return height * np.exp(-rate * TIMES) + base - (1.4 * np.exp(-4.4 * TIMES) + 0.1)
 
 
 def test_of_what_bends_eight_steps_leave_next_to_nothing():
@@ -39,10 +38,9 @@ def test_of_what_bends_eight_steps_leave_next_to_nothing():
     followed = Followed(bent, bent(np.zeros(3)), slopes)
     followed.descend(*FREE)
     begun, linear = np.sum(bent(np.zeros(3)) ** 2), np.linalg.lstsq(slopes, -bent(np.zeros(3)))[0]
-    # A direction is wanted within a few percent; the step along the first derivative alone leaves more.
-    assert followed.lowest @ followed.lowest < 1e-3 * begun < np.sum(bent(linear) ** 2)
-    solved = optimize.least_squares(bent, np.zeros(3)).x
-    np.testing.assert_allclose(followed.best, solved, atol=0.1 * np.max(np.abs(solved)))
+    # A direction is wanted within a few percent; the step along the first derivative makes it worse.
+    assert followed.lowest @ followed.lowest < 1e-3 * begun < begun < np.sum(bent(linear) ** 2)
+    np.testing.assert_allclose(followed.best, [0.4, 1.2, 0.1], atol=0.05)
 
 
 def test_steps_to_where_there_is_nothing_are_taken_back():
