@@ -26,14 +26,11 @@ from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.program import HmiProgram
 from inverse.diagnosis.hmi.refit import again_from, fit_hmi, fit_in_full
-from inverse.diagnosis.hmi.rough_fit import best_of_each
-from inverse.diagnosis.screening import Screen
 from inverse.hmi_model import predict
 from tests.inverse.diagnosis.hmi.cases import (
     TEMPERATURES,
     at_strength,
     fitted_with,
-    looked_for_in,
     measured_with,
     white,
 )
@@ -197,57 +194,6 @@ def test_first_guess_of_a_tissue_that_cannot_be_is_taken_back(problem):
     np.testing.assert_allclose(fit.strengths, [-0.5 * cause.plausible], rtol=2e-3)
 
 
-def test_alternatives_are_the_effects_of_detectable_strengths(problem):
-    """In the cause's own unit, one-sided, both ways for what can have either sign, in every shape."""
-    program, size = problem.program, 0.01
-    plain, basis = program.predict(program.null()), np.linalg.qr(problem.factors)[0]
-    found = problem.alternatives(program.null(), problem.factors, size)
-    assert len(found) == sum(len(cause.shapes) * (1 if cause.sign > 0 else 2) for cause in HMI_CAUSES)
-    for name, shape, signs in ((DRIFT, None, (1, -1)), (POSITION, None, (1,)), ("cavitation", 66.0, (1, -1))):
-        cause = next(cause for cause in HMI_CAUSES if cause.name == name)
-        mine = [one for one in found if (one.name, one.shape) == (name, shape)]
-        assert tuple(one.sign for one in mine) == signs
-        unknowns, _ = at_strength(problem, cause, 0.0, shape)
-        slope = program.slopes(unknowns, [program.place(name)])[:, 0]
-        reach = min(4.5 * size / np.linalg.norm(slope - basis @ (basis.T @ slope)), 4.0)
-        reach = min(reach, cause.largest / cause.plausible)
-        for one, sign in zip(mine, signs, strict=True):
-            change = at_strength(problem, cause, sign * reach, shape)[1] - plain
-            np.testing.assert_allclose(one.directions[:, 0] * sign * reach * cause.plausible, change, atol=1e-10)
-
-
-@pytest.mark.parametrize(("name", "strength", "near"), [(LAG, 1.0, 0.3), ("damage-law", 0.3, 0.05)])
-def test_screening_looks_along_the_way_to_the_fit_with_the_cause(problem, name, strength, near):
-    """About the fit without a lag its effect says next to nothing; beliefs hold constants back in tests as in fits."""
-    hidden, null, effects, rough = looked_for_in(problem, name, strength, 0.005)
-    best = best_of_each(rough)[name]
-    looked_along = [effects[0], best.alternative]
-    found = Screen(null.directions, looked_along, hidden.noise_family()[:1]).statistics(null.residuals[:, None])
-    cause = next(cause for cause in HMI_CAUSES if cause.name == name)
-    start = {"start": best.unknowns, "strengths": np.array([best.strength])}
-    fit = fit_hmi(hidden, (Extension(cause, best.shape),), white(hidden), size=0.005, **start)
-    gained = np.sqrt((null.misfit - fit.misfit) * fit.freedom / fit.misfit)
-    assert found.statistic[0, 0] < gained and found.statistic[1, 0] == pytest.approx(gained, rel=near)
-    # The way from one fit to the other, but for the factors of the sonications.
-    basis = np.linalg.qr(hidden.factors)[0]
-    change = hidden.predict(best.unknowns) - hidden.predict(null.unknowns)
-    way = best.alternative.directions[: len(hidden.rows), 0] * best.strength
-    np.testing.assert_allclose(way - basis @ (basis.T @ way), change - basis @ (basis.T @ change), atol=1e-10)
-    assert best.strength * best.alternative.sign > 0.0
-
-
-def test_refit_of_a_bad_first_guess_begins_where_the_rough_fit_is(problem):
-    hidden, null, _, rough = looked_for_in(problem, "cavitation", 0.3, 0.005)
-    cause = next(cause for cause in HMI_CAUSES if cause.name == "cavitation")
-    given = [Extension(cause, 75.0)], white(hidden), np.array([-0.1]), False
-    family = (given[1],)
-    lost = Refits(null, family, size=0.005, corrected=False)(*given)
-    found = Refits(null, family, size=0.005, corrected=False, starts=best_of_each(rough))(*given)
-    assert lost.converged and lost.strengths[0] < 0.0
-    assert found.converged and lost.misfit - found.misfit > 9.0 * found.misfit / found.freedom
-    assert found.intervals[0, 0] < 0.3 * cause.plausible < found.intervals[0, 1]
-
-
 def test_start_where_there_is_no_such_tissue_is_moved_towards_what_is_believed(problem):
     hidden, program = measured_with(problem, "", 0.0, noise=0.005)[0], problem.program
     start = program.null()
@@ -256,12 +202,6 @@ def test_start_where_there_is_no_such_tissue_is_moved_towards_what_is_believed(p
     assert not np.any(np.isfinite(problem.predict(start)))
     fits = [fit_hmi(hidden, (), white(hidden), size=0.005, start=one) for one in (start, program.null())]
     assert fits[0].misfit == pytest.approx(fits[1].misfit, rel=1e-3)
-
-
-def test_effect_of_a_tissue_that_cannot_be_is_that_of_a_smaller_strength(problem):
-    """With noise so large that no strength would be seen, every effect is followed as far as there is one."""
-    found = problem.alternatives(problem.program.null(), problem.factors, 10.0)
-    assert all(np.all(np.isfinite(one.directions)) for one in found)
 
 
 def test_beside_the_axis_it_is_as_warm_as_the_simulation_has_it(problem, prepared, described):

@@ -1,0 +1,111 @@
+"""What screening of curves of displacement looks along, and where refits begin."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from inverse.diagnosis import HMI_CAUSES
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.hmi.examination import Refits
+from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
+from inverse.diagnosis.hmi.refit import fit_hmi
+from inverse.diagnosis.hmi.rough_fit import best_of_each, in_full
+from inverse.diagnosis.screening import Screen
+from tests.inverse.diagnosis.hmi.cases import at_strength, looked_for_in, white
+
+DRIFT, POSITION, LAG = "output-drift", "thermocouple-position", "thermocouple-lag"
+
+
+def named(name):
+    return next(cause for cause in HMI_CAUSES if cause.name == name)
+
+
+def test_alternatives_are_the_effects_of_detectable_strengths(problem):
+    """In the cause's own unit, one-sided, both ways for what can have either sign, in every shape."""
+    program, size = problem.program, 0.01
+    plain, basis = program.predict(program.null()), np.linalg.qr(problem.factors)[0]
+    found = problem.alternatives(program.null(), problem.factors, size)
+    assert len(found) == sum(len(cause.shapes) * (1 if cause.sign > 0 else 2) for cause in HMI_CAUSES)
+    for name, shape, signs in ((DRIFT, None, (1, -1)), (POSITION, None, (1,)), ("cavitation", 66.0, (1, -1))):
+        cause = named(name)
+        mine = [one for one in found if (one.name, one.shape) == (name, shape)]
+        assert tuple(one.sign for one in mine) == signs
+        unknowns, _ = at_strength(problem, cause, 0.0, shape)
+        slope = program.slopes(unknowns, [program.place(name)])[:, 0]
+        reach = min(4.5 * size / np.linalg.norm(slope - basis @ (basis.T @ slope)), 4.0)
+        reach = min(reach, cause.largest / cause.plausible)
+        for one, sign in zip(mine, signs, strict=True):
+            change = at_strength(problem, cause, sign * reach, shape)[1] - plain
+            np.testing.assert_allclose(one.directions[:, 0] * sign * reach * cause.plausible, change, atol=1e-10)
+
+
+@pytest.mark.parametrize(("name", "strength", "near"), [(LAG, 1.0, 0.3), ("damage-law", 0.3, 0.05)])
+def test_screening_looks_along_the_way_to_the_fit_with_the_cause(problem, name, strength, near):
+    """About the fit without a lag its effect says next to nothing; beliefs hold constants back in tests as in fits."""
+    hidden, null, effects, rough = looked_for_in(problem, name, strength, 0.005)
+    best = best_of_each(rough)[name]
+    looked_along = [effects[0], best.alternative]
+    found = Screen(null.directions, looked_along, hidden.noise_family()[:1]).statistics(null.residuals[:, None])
+    cause = named(name)
+    start = {"start": best.unknowns, "strengths": np.array([best.strength])}
+    fit = fit_hmi(hidden, (Extension(cause, best.shape),), white(hidden), size=0.005, **start)
+    gained = np.sqrt((null.misfit - fit.misfit) * fit.freedom / fit.misfit)
+    assert found.statistic[0, 0] < gained and found.statistic[1, 0] == pytest.approx(gained, rel=near)
+    # The way from one fit to the other, but for the factors of the sonications.
+    basis = np.linalg.qr(hidden.factors)[0]
+    change = hidden.predict(best.unknowns) - hidden.predict(null.unknowns)
+    way = best.alternative.directions[: len(hidden.rows), 0] * best.strength
+    np.testing.assert_allclose(way - basis @ (basis.T @ way), change - basis @ (basis.T @ change), atol=1e-10)
+    assert best.strength * best.alternative.sign > 0.0
+
+
+def test_refit_of_a_bad_first_guess_begins_where_the_rough_fit_is(problem):
+    hidden, null, _, rough = looked_for_in(problem, "cavitation", 0.3, 0.005)
+    cause = named("cavitation")
+    given = [Extension(cause, 75.0)], white(hidden), np.array([-0.1]), False
+    family = (given[1],)
+    lost = Refits(null, family, size=0.005, corrected=False)(*given)
+    found = Refits(null, family, size=0.005, corrected=False, starts=best_of_each(rough))(*given)
+    assert lost.converged and lost.strengths[0] < 0.0
+    assert found.converged and lost.misfit - found.misfit > 9.0 * found.misfit / found.freedom
+    assert found.intervals[0, 0] < 0.3 * cause.plausible < found.intervals[0, 1]
+
+
+def test_way_of_a_cause_that_gains_is_asked_of_the_full_simulation(problem):
+    hidden, null, _, rough = looked_for_in(problem, DRIFT, 1.0, 0.005)
+    best = best_of_each(rough)[DRIFT]
+    for before, after in zip(rough, in_full(rough, null, null, 0.005), strict=True):
+        if before is not best:
+            assert after is before
+            continue
+        way = after.alternative.directions[:, 0] * best.strength
+        change = hidden.program.simulate(best.unknowns) - hidden.program.simulate(null.unknowns)
+        np.testing.assert_allclose(way[: len(hidden.rows)], change, atol=1e-12)
+        believed = hidden.program.penalties(best.unknowns) - hidden.program.penalties(null.unknowns)
+        np.testing.assert_allclose(way[len(hidden.rows) :], 0.005 * believed, atol=1e-12)
+    # With a t of 1.9 it is not worth the time.
+    hardly = dataclasses.replace(null, misfit=best.misfit * (1.0 + 1.9**2 / null.freedom))
+    assert all(a is b for a, b in zip(rough, in_full(rough, hardly, null, 0.005), strict=True))
+
+
+def test_refit_in_full_begins_corrected_where_the_rough_fit_is(problem, monkeypatch):
+    _, null, _, rough = looked_for_in(problem, DRIFT, 1.0, 0.005)
+    corrected, asked = HmiDiagnosisProblem.corrected_at, []
+
+    def followed(self, unknowns, moved):
+        asked.append(unknowns)
+        return corrected(self, unknowns, moved)
+
+    monkeypatch.setattr(HmiDiagnosisProblem, "corrected_at", followed)
+    noise = white(null.problem)
+    refits = Refits(null, (noise,), size=0.005, corrected=True, starts=best_of_each(rough))
+    fit = refits([Extension(named(DRIFT), 0.0)], noise, np.array([0.0]), False)
+    np.testing.assert_array_equal(asked[0], best_of_each(rough)[DRIFT].unknowns)
+    assert len(asked) > 1 and fit.strengths[0] == pytest.approx(named(DRIFT).plausible, rel=0.3)
+
+
+def test_effect_of_a_tissue_that_cannot_be_is_that_of_a_smaller_strength(problem):
+    """With noise so large that no strength would be seen, every effect is followed as far as there is one."""
+    found = problem.alternatives(problem.program.null(), problem.factors, 10.0)
+    assert all(np.all(np.isfinite(one.directions)) for one in found)
