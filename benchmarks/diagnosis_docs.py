@@ -76,8 +76,8 @@ LINEAR_HMI_STUDY = dataclasses.replace(
     design="three sonications to 63, 73 and 83 degC, read every 2 degC, 1 % noise, one hidden effect, all of it linear "
     "about three fits to simulated sonications in turn, constants drawn as they are believed. What is asked for is "
     "asked of simulated data; met or not says here what the decision alone does",
-    remark="Effects have the directions that the diagnosis looks for, and causes are put in by them: what bends, other "
-    "meshes, refits and intervals of strengths are not in these rates (`python -m benchmarks.diagnosis_hmi` has them "
+    remark="Causes are looked for and put in along the directions that their effects have about a fit: what bends, "
+    "other meshes, refits and intervals of strengths are not in these rates (`python -m benchmarks.diagnosis_hmi` has them "
     "in its rates, at minutes a data set). In loud noise beliefs weigh as in quiet, a little kinder than in a fit.",
     data="",
 )

@@ -296,11 +296,17 @@ def _report(examined: Examined, decision: Decision, extended: FullFit | None, na
         p_alone=float(np.exp(decision.omnibus.log_p[row])),
         estimate=estimate,
         interval=interval,
-        detectability=detectable_strength(examined.alternative(name), visible, examined.size),
+        detectability=_detectability(examined, name),
         status=_status(name, decision),
         left=decision.candidates.get(name),
         converged=converged,
     )
+
+
+def _detectability(examined: Examined, name: str) -> float:
+    effect = examined.effect(name)
+    visible = float(visibility(effect.directions, examined.fitted)[0])
+    return detectable_strength(effect, visible, examined.size)
 
 
 def _interval(estimate: float, error: float, cause: Cause) -> tuple[float, float]:

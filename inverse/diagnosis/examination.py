@@ -84,7 +84,7 @@ class Examined:
         residuals: Measured less predicted, weighted.
         fitted: Derivatives in the fitted constants.
         size: Standard deviation of the residuals.
-        seen: Alternatives that the data can see.
+        seen: Effects of causes, about the fit, that the data can see.
         not_testable: Causes that they cannot see.
         places: Where the free forms act.
         family: Noise members.
@@ -118,8 +118,13 @@ class Examined:
             raise KeyError(f"these data cannot see {name}")
         return row
 
+    def effect(self, name: str) -> Alternative:
+        """What the cause of this name does about the fit, in its most probable shape."""
+        best = self.alternative(name)
+        return next(one for one in self.seen if (one.name, one.shape, one.sign) == (name, best.shape, best.sign))
+
     def direction(self, extension: Extension) -> Float[np.ndarray, "n 1"]:
-        """Derivative of the weighted prediction in the strength of an extension."""
+        """Change of the weighted prediction with the strength of an extension, as it was looked for."""
         return self.alternative(extension.cause.name).directions
 
     def linear_strengths(self, extensions: Sequence[Extension]) -> Float[np.ndarray, " extension"]:

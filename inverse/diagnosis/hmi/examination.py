@@ -1,8 +1,7 @@
 """Curves of displacement examined."""
 
 import dataclasses
-import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -13,9 +12,10 @@ from inverse.diagnosis.examination import Examined, extension_of, linear_strengt
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.fitting import HmiFit, moved_by
 from inverse.diagnosis.hmi.free_forms import hmi_free_forms
+from inverse.diagnosis.hmi.problem import Effect
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_full
-from inverse.diagnosis.hmi.rough_fit import RoughFit, best_of_each, in_full, rough_fits
+from inverse.diagnosis.hmi.rough_fit import RoughFit, in_full, not_followed, rough_fits
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.screening import Alternative, Screen
 
@@ -56,8 +56,9 @@ def examine_hmi(
         for one in forms
     ]
 
-    rough = _rough(null, noise, seen, size, corrected)
-    refits = Refits(null, family, size=size, corrected=corrected, starts=best_of_each(rough))
+    effects = [one for one in found if any(one is other for other in seen)]
+    rough = rough_fits_of(null, noise, effects, family, size, corrected=corrected)
+    refits = Refits(null, family, size=size, corrected=corrected, starts=rough)
 
     def extend(added: Sequence[Alternative], noise: Noise) -> Refitted:
         extensions = [extension_of(causes, one) for one in added]
@@ -74,16 +75,7 @@ def examine_hmi(
         residuals, fitted, looked_for, forms, family, rng, extend=extend, level=level, replicates=replicates
     )
     return Examined(
-        tuple(causes),
-        residuals,
-        fitted,
-        spread,
-        tuple(looked_for),
-        not_testable,
-        tuple(places),
-        family,
-        decision,
-        refits,
+        tuple(causes), residuals, fitted, spread, tuple(seen), not_testable, tuple(places), family, decision, refits
     )
 
 
@@ -97,7 +89,7 @@ class Refits:
         *,
         size: float,
         corrected: bool,
-        starts: Mapping[str, RoughFit] = types.MappingProxyType({}),
+        starts: Sequence[RoughFit] = (),
     ) -> None:
         """Begin.
 
@@ -106,9 +98,9 @@ class Refits:
             family: Noise members.
             size: Of the noise, in units of the weights.
             corrected: Whether to correct the fast simulation.
-            starts: A rough fit of each cause, beside the fit without causes.
+            starts: Rough fits of causes, beside the fit without any.
         """
-        self._starts = starts
+        self._starts = tuple(fit for fit in starts if np.isfinite(fit.misfit))
         self._null, self._family = null, tuple(family)
         self._size, self._corrected = size, corrected
         self._near: dict[tuple[str, ...], HmiFit] = {}
@@ -132,15 +124,32 @@ class Refits:
 
     def _first(self, extensions, noise, start) -> HmiFit:
         problem, unknowns = self._null.problem, self._null.unknowns
-        if len(extensions) == 1 and (rough := self._starts.get(extensions[0].cause.name)) is not None:
-            extensions = [Extension(extensions[0].cause, rough.shape)]
+        if len(extensions) == 1 and (rough := self._rough(extensions[0], start[0])) is not None:
             unknowns, start = rough.unknowns, np.array([rough.strength])
             if self._corrected:
                 # Where it is corrected to the full simulation, fits come out: not where there is no such cause.
                 near = problem.corrected_at(unknowns, moved_by(problem, extensions))
                 problem = near if near.correction is not None and near.correction.is_finite else problem
+        elif (single := self._single(extensions)) is not None:
+            problem, unknowns = single.problem, single.unknowns
+            extensions = [single.extensions[0] if e.cause is single.extensions[0].cause else e for e in extensions]
+            mine = [e.cause is single.extensions[0].cause for e in extensions]
+            start = np.where(mine, single.strengths[0], start)
         fit = fit_in_full if self._corrected else fit_hmi
         return fit(problem, extensions, noise, size=self._size, start=unknowns, strengths=start)
+
+    def _rough(self, extension: Extension, strength: float) -> RoughFit | None:
+        """The rough fit along whose way the extension was tested: of its shape, and with the sign that it goes with."""
+        for fit in self._starts:
+            named = (fit.alternative.name, fit.shape) == (extension.cause.name, extension.shape)
+            if named and fit.strength * strength > 0.0:
+                return fit
+        return None
+
+    def _single(self, extensions: Sequence[Extension]) -> HmiFit | None:
+        """The better fit of one of two extensions alone."""
+        alone = [self._near[names] for e in extensions if (names := (e.cause.name,)) in self._near]
+        return min((fit for fit in alone if fit.converged), key=lambda fit: fit.misfit, default=None)
 
     def remarks(self) -> tuple[str, ...]:
         """What is to be said of fits that the full simulation had not settled, and of intervals."""
@@ -158,16 +167,27 @@ class Refits:
         )
 
 
-def _rough(
-    null: HmiFit, noise: Noise, alternatives: Sequence[Alternative], size: float, corrected: bool
+def rough_fits_of(
+    null: HmiFit, noise: Noise, effects: Sequence[Effect], family: Sequence[Noise], size: float, *, corrected: bool
 ) -> list[RoughFit]:
-    """Rough fits of the causes of some alternatives, by the fast simulation as it is; the best by the full one."""
+    """Rough fits of causes by the fast simulation as it is, and what the full one says of the best.
+
+    Args:
+        null: The fit without causes.
+        noise: What it was weighed with.
+        effects: Of the causes, about that fit.
+        family: Noise members.
+        size: Of the noise, in units of the weights: what the priors count against.
+        corrected: Whether the full simulation is asked at all.
+    """
+    spread = noise_size(null)
     if not corrected:
-        return rough_fits(null, noise, alternatives, size=size, spread=noise_size(null))
+        return rough_fits(null, noise, effects, size=size, spread=spread)
     plain = dataclasses.replace(null.problem, correction=None)
     begun = fit_hmi(plain, (), noise, size=size, start=null.unknowns)
-    fits = rough_fits(begun, noise, alternatives, size=size, spread=noise_size(begun))
-    return in_full(fits, begun, null, size)
+    if not begun.converged:
+        return not_followed(effects, null)
+    return in_full(rough_fits(begun, noise, effects, size=size, spread=spread), begun, null, family, size)
 
 
 def _in_its_noise(null: HmiFit, family: Sequence[Noise], size: float) -> tuple[HmiFit, Noise]:

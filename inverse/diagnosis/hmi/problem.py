@@ -19,6 +19,17 @@ _FARTHEST = 4.0
 
 
 @dataclasses.dataclass(frozen=True)
+class Effect(Alternative):
+    """What a cause does about a fit.
+
+    Attributes:
+        reach: Strength that it was taken at, of its sign, in the cause's unit.
+    """
+
+    reach: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
 class HmiDiagnosisProblem:
     """One data set, and the simulation of it.
 
@@ -62,7 +73,7 @@ class HmiDiagnosisProblem:
 
     def alternatives(
         self, unknowns: Float[np.ndarray, " unknown"], fitted: Float[np.ndarray, "datum p"], size: float
-    ) -> list[Alternative]:
+    ) -> list[Effect]:
         """Change of the weighted prediction with the strength of every cause in every shape, about a fit without it.
 
         By as strong an effect as is detected, not by the derivative: the displacement turns within a kelvin where a
@@ -94,7 +105,8 @@ class HmiDiagnosisProblem:
                 for sign in (1, -1)[: 1 if cause.sign > 0 else 2]:
                     # In the strength's own unit: the program counts in plausible strengths.
                     column = self.weights * program.secant(at, place, sign * reach, plain) / cause.plausible
-                    found.append(Alternative(cause.name, np.append(column[:, None], believed, axis=0), sign, shape))
+                    directions = np.append(column[:, None], believed, axis=0)
+                    found.append(Effect(cause.name, directions, sign, shape, sign * reach * cause.plausible))
         return found
 
     def corrected_at(

@@ -7,7 +7,9 @@ import pytest
 
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.hmi import examination
 from inverse.diagnosis.hmi.examination import Refits
+from inverse.diagnosis.hmi.fitting import moved_by
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import fit_hmi
 from inverse.diagnosis.hmi.rough_fit import best_of_each, in_full
@@ -36,6 +38,7 @@ def test_alternatives_are_the_effects_of_detectable_strengths(problem):
         reach = min(4.5 * size / np.linalg.norm(slope - basis @ (basis.T @ slope)), 4.0)
         reach = min(reach, cause.largest / cause.plausible)
         for one, sign in zip(mine, signs, strict=True):
+            assert one.reach == pytest.approx(sign * reach * cause.plausible)
             change = at_strength(problem, cause, sign * reach, shape)[1] - plain
             np.testing.assert_allclose(one.directions[:, 0] * sign * reach * cause.plausible, change, atol=1e-10)
 
@@ -60,33 +63,69 @@ def test_screening_looks_along_the_way_to_the_fit_with_the_cause(problem, name, 
     assert best.strength * best.alternative.sign > 0.0
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_refit_begins_at_the_rough_fit_of_the_shape_and_sign_that_were_tested(problem, monkeypatch, sign):
+    """Not at the best of all shapes: by the fast simulation that may be one that imitates its errors."""
+    _, null, _, rough = looked_for_in(problem, "cavitation", 0.3, 0.005)
+    mine = next(fit for fit in rough if (fit.shape, fit.alternative.sign) == (66.0, sign))
+    assert best_of_each(rough)["cavitation"] is not mine
+    begun = {}
+    fit = fit_hmi
+
+    def followed(*given, **named_ones):
+        begun.update(named_ones)
+        return fit(*given, **named_ones)
+
+    monkeypatch.setattr(examination, "fit_hmi", followed)
+    noise = white(null.problem)
+    refits = Refits(null, (noise,), size=0.005, corrected=False, starts=rough)
+    refits([Extension(named("cavitation"), 66.0)], noise, np.array([sign * 0.02]), False)
+    np.testing.assert_array_equal(begun["start"], mine.unknowns)
+    np.testing.assert_array_equal(begun["strengths"], [mine.strength])
+
+
 def test_refit_of_a_bad_first_guess_begins_where_the_rough_fit_is(problem):
     hidden, null, _, rough = looked_for_in(problem, "cavitation", 0.3, 0.005)
-    cause = named("cavitation")
-    given = [Extension(cause, 75.0)], white(hidden), np.array([-0.1]), False
-    family = (given[1],)
-    lost = Refits(null, family, size=0.005, corrected=False)(*given)
-    found = Refits(null, family, size=0.005, corrected=False, starts=best_of_each(rough))(*given)
+    cause, noise, best = named("cavitation"), white(hidden), best_of_each(rough)["cavitation"]
+    lost = Refits(null, (noise,), size=0.005, corrected=False)([Extension(cause, 75.0)], noise, np.array([-0.1]), False)
+    found = Refits(null, (noise,), size=0.005, corrected=False, starts=rough)(
+        [Extension(cause, best.shape)], noise, np.array([1e-3]), False
+    )
     assert lost.converged and lost.strengths[0] < 0.0
     assert found.converged and lost.misfit - found.misfit > 9.0 * found.misfit / found.freedom
     assert found.intervals[0, 0] < 0.3 * cause.plausible < found.intervals[0, 1]
 
 
 def test_way_of_a_cause_that_gains_is_asked_of_the_full_simulation(problem):
-    hidden, null, _, rough = looked_for_in(problem, DRIFT, 1.0, 0.005)
-    best = best_of_each(rough)[DRIFT]
-    for before, after in zip(rough, in_full(rough, null, null, 0.005), strict=True):
-        if before is not best:
-            assert after is before
-            continue
-        way = after.alternative.directions[:, 0] * best.strength
-        change = hidden.program.simulate(best.unknowns) - hidden.program.simulate(null.unknowns)
-        np.testing.assert_allclose(way[: len(hidden.rows)], change, atol=1e-12)
-        believed = hidden.program.penalties(best.unknowns) - hidden.program.penalties(null.unknowns)
-        np.testing.assert_allclose(way[len(hidden.rows) :], 0.005 * believed, atol=1e-12)
-    # With a t of 1.9 it is not worth the time.
-    hardly = dataclasses.replace(null, misfit=best.misfit * (1.0 + 1.9**2 / null.freedom))
-    assert all(a is b for a, b in zip(rough, in_full(rough, hardly, null, 0.005), strict=True))
+    hidden, begun, _, rough = looked_for_in(problem, DRIFT, 1.0, 0.005)
+    # The fit of the full simulation is another one: the way begins there.
+    null = dataclasses.replace(begun, unknowns=begun.unknowns + 0.01)
+    best, family = best_of_each(rough)[DRIFT], hidden.noise_family()
+    ways = in_full(rough, begun, null, family, 0.005)
+    after = next(fit for fit in ways if fit.unknowns is best.unknowns)
+    way = after.alternative.directions[:, 0] * best.strength
+    change = hidden.program.simulate(best.unknowns) - hidden.program.simulate(null.unknowns)
+    np.testing.assert_allclose(way[: len(hidden.rows)], change, atol=1e-12)
+    believed = hidden.program.penalties(best.unknowns) - hidden.program.penalties(null.unknowns)
+    np.testing.assert_allclose(way[len(hidden.rows) :], 0.005 * believed, atol=1e-12)
+    # Where neither of the two sees anything it is not worth the time.
+    blind = dataclasses.replace(
+        begun, misfit=best.misfit * (1.0 + 1.9**2 / begun.freedom), residuals=0.0 * begun.residuals
+    )
+    assert all(a is b for a, b in zip(rough, in_full(rough, blind, blind, family, 0.005), strict=True))
+
+
+def test_rough_fits_are_those_of_the_fast_simulation_as_it_is(problem):
+    """A correction about the fit without causes is right there and nowhere else."""
+    hidden, null, effects, rough = looked_for_in(problem, DRIFT, 1.0, 0.005)
+    near = fit_hmi(
+        hidden.corrected_at(null.unknowns, moved_by(hidden, ())), (), white(hidden), size=0.005, start=null.unknowns
+    )
+    found = examination.rough_fits_of(near, white(hidden), effects, hidden.noise_family(), 0.005, corrected=True)
+    for one, other in zip(found, rough, strict=True):
+        # From the same fit without causes, that came out where the other began.
+        np.testing.assert_allclose(one.unknowns, other.unknowns, atol=0.1)
+        assert one.misfit == pytest.approx(other.misfit, rel=0.1)
 
 
 def test_refit_in_full_begins_corrected_where_the_rough_fit_is(problem, monkeypatch):
@@ -99,10 +138,27 @@ def test_refit_in_full_begins_corrected_where_the_rough_fit_is(problem, monkeypa
 
     monkeypatch.setattr(HmiDiagnosisProblem, "corrected_at", followed)
     noise = white(null.problem)
-    refits = Refits(null, (noise,), size=0.005, corrected=True, starts=best_of_each(rough))
-    fit = refits([Extension(named(DRIFT), 0.0)], noise, np.array([0.0]), False)
+    refits = Refits(null, (noise,), size=0.005, corrected=True, starts=rough)
+    fit = refits([Extension(named(DRIFT), 0.0)], noise, np.array([0.05]), False)
     np.testing.assert_array_equal(asked[0], best_of_each(rough)[DRIFT].unknowns)
     assert len(asked) > 1 and fit.strengths[0] == pytest.approx(named(DRIFT).plausible, rel=0.3)
+
+
+def test_pair_begins_where_one_of_the_two_came_out(problem, monkeypatch):
+    _, null, _, rough = looked_for_in(problem, DRIFT, 1.0, 0.005)
+    noise, begun, fit = white(null.problem), [], fit_hmi
+    refits = Refits(null, (noise,), size=0.005, corrected=False, starts=rough)
+    alone = refits([Extension(named(DRIFT), 0.0)], noise, np.array([0.05]), False)
+
+    def followed(*given, **named_ones):
+        begun.append(named_ones)
+        return fit(*given, **named_ones)
+
+    monkeypatch.setattr(examination, "fit_hmi", followed)
+    pair = [Extension(named(DRIFT), 0.0), Extension(named(LAG), 0.0)]
+    refits(pair, noise, np.array([9.0, 0.1]), False)
+    np.testing.assert_array_equal(begun[0]["start"], alone.unknowns)
+    np.testing.assert_array_equal(begun[0]["strengths"], [alone.strengths[0], 0.1])
 
 
 def test_effect_of_a_tissue_that_cannot_be_is_that_of_a_smaller_strength(problem):

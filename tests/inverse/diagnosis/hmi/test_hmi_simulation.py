@@ -32,6 +32,7 @@ from tests.inverse.diagnosis.hmi.cases import (
     at_strength,
     fitted_with,
     measured_with,
+    strength_and_shape,
     white,
 )
 
