@@ -78,7 +78,8 @@ LINEAR_HMI_STUDY = dataclasses.replace(
     "asked of simulated data; met or not says here what the decision alone does",
     remark="Causes are looked for and put in along the directions that their effects have about a fit: what bends, "
     "other meshes, refits and intervals of strengths are not in these rates (`python -m benchmarks.diagnosis_hmi` has "
-    "them in its rates, at minutes a data set). In loud noise beliefs weigh as in quiet, a little kinder than in a fit.",
+    "them in its rates, at minutes a data set). In loud noise beliefs weigh as in quiet, a little kinder than in "
+    "a fit.",
     data="",
 )
 
