@@ -113,10 +113,8 @@ def in_full(
     problem, program = null.problem, null.problem.program
     least = begun.misfit / (1.0 + _WORTH_ASKING**2 / begun.freedom)
     gaining = sorted((fit for fit in best_of_each(fits).values() if fit.misfit < least), key=lambda fit: fit.misfit)
-    asked: list[RoughFit] = []
-    for pair in itertools.zip_longest(gaining, _seen_best(fits, null, family)):
-        asked += [fit for fit in pair if fit is not None and not any(fit is one for one in asked)]
-    asked = asked[:_MOST_IN_FULL]
+    in_turn = itertools.chain.from_iterable(itertools.zip_longest(gaining, _seen_best(fits, null, family)))
+    asked = list({id(fit): fit for fit in in_turn if fit is not None}.values())[:_MOST_IN_FULL]
     plain = program.simulate(null.unknowns) if asked else np.zeros(len(problem.rows))
 
     def with_way(fit: RoughFit) -> RoughFit:
