@@ -15,7 +15,7 @@ from inverse.diagnosis.hmi.free_forms import hmi_free_forms
 from inverse.diagnosis.hmi.problem import Effect
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_full
-from inverse.diagnosis.hmi.rough_fit import RoughFit, in_full, not_followed, rough_fits
+from inverse.diagnosis.hmi.rough_fit import RoughFit, in_full, rough_fits
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.screening import Alternative, Screen
 
@@ -184,9 +184,8 @@ def rough_fits_of(
     if not corrected:
         return rough_fits(null, noise, effects, size=size, spread=spread)
     plain = dataclasses.replace(null.problem, correction=None)
+    # Wherever it comes out: a way is one to look along, and what comes of it is asked of the full simulation.
     begun = fit_hmi(plain, (), noise, size=size, start=null.unknowns)
-    if not begun.converged:
-        return not_followed(effects, null)
     return in_full(rough_fits(begun, noise, effects, size=size, spread=spread), begun, null, family, size)
 
 

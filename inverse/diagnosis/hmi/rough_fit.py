@@ -83,11 +83,6 @@ def rough_fits(begun: HmiFit, noise: Noise, effects: Sequence[Effect], *, size: 
     return [fit(effect) for effect in effects]
 
 
-def not_followed(effects: Sequence[Effect], null: HmiFit) -> list[RoughFit]:
-    """In place of rough fits, where there is nothing to begin from."""
-    return [RoughFit(effect, null.unknowns, 0.0, np.inf) for effect in effects]
-
-
 def best_of_each(fits: Sequence[RoughFit]) -> dict[str, RoughFit]:
     """Of all shapes and signs of a cause the one that fits best, by name."""
     ordered = sorted(fits, key=lambda one: one.misfit, reverse=True)

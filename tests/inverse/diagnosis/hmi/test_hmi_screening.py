@@ -43,8 +43,8 @@ def test_alternatives_are_the_effects_of_detectable_strengths(problem):
             np.testing.assert_allclose(one.directions[:, 0] * sign * reach * cause.plausible, change, atol=1e-10)
 
 
-@pytest.mark.parametrize(("name", "strength", "near"), [(LAG, 1.0, 0.3), ("damage-law", 0.3, 0.05)])
-def test_screening_looks_along_the_way_to_the_fit_with_the_cause(problem, name, strength, near):
+@pytest.mark.parametrize(("name", "strength"), [(LAG, 1.0), ("damage-law", 0.3)])
+def test_screening_looks_along_the_way_to_the_fit_with_the_cause(problem, name, strength):
     """About the fit without a lag its effect says next to nothing; beliefs hold constants back in tests as in fits."""
     hidden, null, effects, rough = looked_for_in(problem, name, strength, 0.005)
     best = best_of_each(rough)[name]
@@ -53,8 +53,12 @@ def test_screening_looks_along_the_way_to_the_fit_with_the_cause(problem, name, 
     cause = named(name)
     start = {"start": best.unknowns, "strengths": np.array([best.strength])}
     fit = fit_hmi(hidden, (Extension(cause, best.shape),), white(hidden), size=0.005, **start)
-    gained = np.sqrt((null.misfit - fit.misfit) * fit.freedom / fit.misfit)
-    assert found.statistic[0, 0] < gained and found.statistic[1, 0] == pytest.approx(gained, rel=near)
+    effect, way = found.statistic[:, 0]
+    gained, roughly = (np.sqrt((null.misfit - one.misfit) * fit.freedom / one.misfit) for one in (fit, best))
+    # A straight way comes at least as near to the data as where it leads: what is left of them is least somewhere on it.
+    assert effect < gained and way > roughly
+    # A tenth less of the gain is a twentieth of t: no more than a fifth of t's standard error where t is 4.5.
+    assert null.misfit - best.misfit > 0.9 * (null.misfit - fit.misfit)
     # The way from one fit to the other, but for the factors of the sonications.
     basis = np.linalg.qr(hidden.factors)[0]
     change = hidden.predict(best.unknowns) - hidden.predict(null.unknowns)
