@@ -13,7 +13,7 @@ uncorrected by 5 to 7, and fits that are compared have to be equally wrong. (Wha
 again.) The way itself is then asked of the full simulation where it matters.
 
 No derivatives are taken but once, of the constants: they and the effect of the strength are corrected by what every
-step shows (Broyden 1965, cited from memory). A fit takes six to eight predictions, 0.4 s; with derivatives it takes 3.
+step shows (Broyden 1965, cited from memory). A fit takes four to eight predictions, 0.3 s; with derivatives it takes 3.
 """
 
 import dataclasses
@@ -33,9 +33,9 @@ from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.screening import Alternative, Screen, visibility
 
 _MOST_STEPS = 8
-_TOLERANCE = 1e-3
+_TOLERANCE = 1e-2
 """Relative change of the sum of squares at which a fit ends; no more is asked of a direction."""
-_MOST_IN_FULL = 6
+_MOST_IN_FULL = 4
 """Rough fits of which the full simulation is asked; seconds each."""
 _WORTH_ASKING = 2.0
 """t that the fast simulation has to give them."""

@@ -55,7 +55,7 @@ def test_screening_looks_along_the_way_to_the_fit_with_the_cause(problem, name, 
     fit = fit_hmi(hidden, (Extension(cause, best.shape),), white(hidden), size=0.005, **start)
     effect, way = found.statistic[:, 0]
     gained, roughly = (np.sqrt((null.misfit - one.misfit) * fit.freedom / one.misfit) for one in (fit, best))
-    # A straight way comes at least as near to the data as where it leads: what is left of them is least somewhere on it.
+    # A straight way comes at least as near to the data as where it leads: it is nearest to them somewhere on it.
     assert effect < gained and way > roughly
     # A tenth less of the gain is a twentieth of t: no more than a fifth of t's standard error where t is 4.5.
     assert null.misfit - best.misfit > 0.9 * (null.misfit - fit.misfit)
