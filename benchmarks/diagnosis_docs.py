@@ -61,7 +61,7 @@ DMA_STUDY = Study(
 HMI_STUDY = Study(
     name="operating_characteristic_hmi",
     title="How often the diagnosis of displacement is right",
-    command="python -m benchmarks.diagnosis_hmi --docs docs",
+    command="python -m benchmarks.diagnosis_hmi --out benchmarks/records/diagnosis_hmi.jsonl --docs docs",
     design="three sonications to 63, 73 and 83 degC, read every 2 degC, 1 % noise, one hidden effect, simulated with "
     "the full solid on a mesh and time steps of its own",
     kinds={"bump": "bump at one temperature", "smooth": "smooth along temperature"},
@@ -83,12 +83,12 @@ LINEAR_HMI_STUDY = dataclasses.replace(
     data="",
 )
 
-_COLOURS = {"unexplained": "#2a7f62", "confusable": "#e0b04a", "named": "#c0392b", "adequate": "#b8bcc2"}
+_COLOURS = {"unexplained": "#2a7f62", "confusable": "#e0b04a", "named": "#c0392b", "not found": "#b8bcc2"}
 _WORDS = {
     "unexplained": "called unexplained",
     "confusable": "in a set of names",
     "named": "named",
-    "adequate": "not found",
+    "not found": "not found",
 }
 
 _UNKNOWN = "detected, noise unknown"
@@ -245,7 +245,8 @@ def _asked(summary: dict[str, Any]) -> list[str]:
         limit = known["limit"]
         least = min(detected, 100.0 * limit["detected"] - 3.0)
         both = [(limit[key], limit.get(f"{key}, noise unknown")) for key in ("detected", "first")]
-        add(f"d' = {d}: detected, at least {detected:g}", known["detected"], least.__le__, both[0])
+        what = f"d' = {d}: detected, at least {detected:g}, or 3 below the limit"
+        add(what, known["detected"], least.__le__, both[0])
         least = min(first, 100.0 * limit["first"] - 3.0)
         what = f"d' = {d}: right cause first, at least {first:g}, or 3 below the limit"
         add(what, known["first"], least.__le__, both[1])
@@ -315,7 +316,7 @@ def _strange(summary: dict[str, Any], study: Study) -> list[str]:
         ]
         for d in sorted(summary[part], key=float):
             for kind, one in summary[part][d].items():
-                cells = [_words(one[v]) for v in ("unexplained", "named", "confusable", "adequate")]
+                cells = [_words(one[v]) for v in ("unexplained", "named", "confusable", "not found")]
                 sets = one["named"]["sets"]
                 lines.append(f"| {d} | {study.kinds.get(kind, kind)} | {' | '.join(cells)} | {sets} |")
         lines.append("")

@@ -1,6 +1,8 @@
 """How often the diagnosis of displacement is right, on curves with hidden effects that a full simulation made.
 
-python -m benchmarks.diagnosis_hmi --sets 1 --docs docs      # goes on where it was stopped
+python -m benchmarks.diagnosis_hmi --out benchmarks/records/diagnosis_hmi.jsonl --sets 1 --docs docs
+
+It goes on where the record stops, if that is of the same code. `--minutes 0` writes the page of what is there.
 
 The data come from `tests/blind/hmi_generator`, which simulates on another mesh and shares no code with `inverse`, on
 seeds that chose no threshold (`--development` takes the others). Every data set is one line of `--out`; what is there

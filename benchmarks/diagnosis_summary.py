@@ -7,6 +7,9 @@ import numpy as np
 
 Line = dict[str, Any]
 Rate = dict[str, float]
+DETECTED = ("named", "confusable", "unexplained")
+"""Verdicts that say that the simulation is wrong: of noise alone each is a false alarm. That the noise is another than
+one thought (`noise-model`) is none of them."""
 
 
 def rate(happened: Sequence[bool]) -> Rate:
@@ -45,7 +48,7 @@ def summarise(
             for d, of_d in known.items()
         },
         "null": {
-            noise: rate([line["verdict"] in ("named", "confusable", "unexplained") for line in part])
+            noise: rate([line["verdict"] in DETECTED for line in part])
             for noise, part in _grouped((ln for ln in lines if ln["part"] == "null"), lambda ln: ln["noise"]).items()
         },
         **{part: _strange([line for line in lines if line["part"] == part]) for part in ("unknown", "removed")},
@@ -56,9 +59,9 @@ def summarise(
 
 
 def _known(lines: Sequence[Line]) -> dict[str, Any]:
-    found = [line for line in lines if line["verdict"] != "adequate"]
+    found = [line for line in lines if line["verdict"] in DETECTED]
     return {
-        "detected": rate([line["verdict"] != "adequate" for line in lines]),
+        "detected": rate([line["verdict"] in DETECTED for line in lines]),
         "first": rate([line["first"] == line["name"] for line in lines]),
         "possible, if detected": rate([line["name"] in line["possible"] for line in found]),
         "in the set, if detected": rate([line["name"] in line["named"] + line["confusable"] for line in found]),
@@ -78,8 +81,8 @@ def _strange(lines: Sequence[Line]) -> dict[str, Any]:
         kinds = {"all": of_d} | _grouped(of_d, _name)
         found[d_prime] = {
             kind: {
-                verdict: rate([line["verdict"] == verdict for line in part])
-                for verdict in ("unexplained", "named", "confusable", "adequate")
+                **{verdict: rate([line["verdict"] == verdict for line in part]) for verdict in DETECTED},
+                "not found": rate([line["verdict"] not in DETECTED for line in part]),
             }
             for kind, part in kinds.items()
         }

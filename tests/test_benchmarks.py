@@ -127,7 +127,7 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
     assert summary["all known"]["4.5"]["unexplained, if detected"]["rate"] == 0.25
     write_docs(summary, tmp_path, DMA_STUDY)
     page = (tmp_path / DMA_STUDY.page).read_text()
-    assert "| d' = 4.5: detected, at least 93 | 100.0" in page and "| 97.0 | 94.0 | 4 | yes |" in page
+    assert "| d' = 4.5: detected, at least 93, or 3 below the limit | 100.0" in page and "| 97.0 | 94.0 | 4 | yes |" in page
     assert "called unexplained, at most 5 | 25.0" in page and "| 4 | no |" in page
     assert "| 9 | slip | sweep-drift | 4.0 | 99 | 90 |" in page
     assert (tmp_path / DMA_STUDY.picture).stat().st_size > 10_000
@@ -135,7 +135,8 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
 
 def test_page_of_displacement_needs_no_limit_of_removed_causes(tmp_path):
     one = {"first": "perfusion", "named": [], "confusable": [], "possible": [], "seconds": 1.0, "noise": "white"}
-    one |= {"name": "perfusion", "verdict": "adequate"}
+    # That the noise is another than one thought is no effect detected.
+    one |= {"name": "perfusion", "verdict": "noise-model"}
     lines = [
         *({"part": "known", "d_prime": d} | one for d in (4.5, 6.0)),
         {"part": "null", "d_prime": 0.0} | one,
@@ -144,7 +145,8 @@ def test_page_of_displacement_needs_no_limit_of_removed_causes(tmp_path):
     limit = {f"{d:g}": {"perfusion": {"detected": 0.97, "first": 0.8}} for d in (4.5, 6.0)}
     write_docs({"seeds": "test", **summarise(lines, limit)}, tmp_path, HMI_STUDY)
     page = (tmp_path / HMI_STUDY.page).read_text()
-    assert "displacement" in page and "| d' = 4.5: detected, at least 93 | 0.0" in page
+    assert "displacement" in page and "| d' = 4.5: detected, at least 93, or 3 below the limit | 0.0" in page
+    assert "| 9 | perfusion | 0.0 ± 25.0 | 0.0 ± 25.0 | 0.0 ± 25.0 | 100.0 ± 25.0 | 1 |" in page
     assert (tmp_path / HMI_STUDY.picture).stat().st_size > 10_000
 
 
