@@ -127,7 +127,10 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
     assert summary["all known"]["4.5"]["unexplained, if detected"]["rate"] == 0.25
     write_docs(summary, tmp_path, DMA_STUDY)
     page = (tmp_path / DMA_STUDY.page).read_text()
-    assert "| d' = 4.5: detected, at least 93, or 3 below the limit | 100.0" in page and "| 97.0 | 94.0 | 4 | yes |" in page
+    assert (
+        "| d' = 4.5: detected, at least 93, or 3 below the limit | 100.0" in page
+        and "| 97.0 | 94.0 | 4 | yes |" in page
+    )
     assert "called unexplained, at most 5 | 25.0" in page and "| 4 | no |" in page
     assert "| 9 | slip | sweep-drift | 4.0 | 99 | 90 |" in page
     assert (tmp_path / DMA_STUDY.picture).stat().st_size > 10_000
