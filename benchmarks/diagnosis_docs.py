@@ -252,7 +252,9 @@ def _asked(summary: dict[str, Any]) -> list[str]:
         add(what, known["first"], least.__le__, both[1])
     if "4.5" in summary["all known"]:
         known = summary["all known"]["4.5"]
-        add("d' = 4.5: right cause not ruled out, at least 99", known["possible, if detected"], (99.0).__le__)
+        add("d' = 4.5: right cause in the reported set, at least 99", known["in the set, if detected"], (99.0).__le__)
+        what = "d' = 4.5: right cause not ruled out, `unexplained` included, at least 99"
+        add(what, known["possible, if detected"], (99.0).__le__)
         add("d' = 4.5: called unexplained, at most 5", known["unexplained, if detected"], (5.0).__ge__)
         if known["covered"]["sets"]:
             covered = known["covered"]
@@ -263,7 +265,9 @@ def _asked(summary: dict[str, Any]) -> list[str]:
         for d, verdict, word, met in (
             ("9", "unexplained", "unexplained, at least 90", (90.0).__le__),
             ("9", "named", "wrongly named, at most 5", (5.0).__ge__),
+            ("9", "any name", "wrongly named, sets of names included, at most 5", (5.0).__ge__),
             ("5", "named", "wrongly named, at most 10", (10.0).__ge__),
+            ("5", "any name", "wrongly named, sets of names included, at most 10", (10.0).__ge__),
         ):
             if d not in summary[part]:
                 continue

@@ -82,6 +82,7 @@ def _strange(lines: Sequence[Line]) -> dict[str, Any]:
         found[d_prime] = {
             kind: {
                 **{verdict: rate([line["verdict"] == verdict for line in part]) for verdict in DETECTED},
+                "any name": rate([line["verdict"] in ("named", "confusable") for line in part]),
                 "not found": rate([line["verdict"] not in DETECTED for line in part]),
             }
             for kind, part in kinds.items()

@@ -7,12 +7,15 @@ from typing import Annotated
 import jax
 import typer
 
-from arfjax import InputError
+from arfjax import InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.output import output_directory, sha256, write_summary
+from inverse.datasets.dma import read_dma
+from inverse.datasets.hmi import read_hmi
 from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES, Diagnosis
 from inverse.diagnosis.cause import Cause
 from inverse.diagnosis.diagnose import Diagnosed, diagnose, find_causes
+from inverse.diagnosis.hmi.diagnosis import require_diagnosable
 
 
 class NullModel(enum.StrEnum):
@@ -52,6 +55,9 @@ def diagnose_command(
     wanted = [name.strip() for name in causes.split(",") if name.strip()]
     parts = {kind: file for kind, file in (("dma", dma), ("hmi", hmi)) if file is not None}
     chosen, places = _chosen(wanted, list(parts)), _places(list(parts))
+    if dma is None and (trust_units or model is not NullModel.FRACTIONAL):
+        raise InputError("--trust-units and --model are of a DMA: leave them out, or give --dma FILE.")
+    _require_readable(dma, hmi, experiment, trust_units)
     found: dict[str, Diagnosed] = {}
     with output_directory(out) as folder:
         for kind, file in parts.items():
@@ -90,6 +96,15 @@ def diagnose_command(
         _show(one.details, out / places[kind])
 
 
+def _require_readable(dma: Path | None, hmi: Path | None, experiment: Path | None, trust_units: bool) -> None:
+    """Read everything before anything takes minutes."""
+    described = None if experiment is None else read_experiment(experiment)
+    if dma is not None:
+        read_dma(dma, trust_units=trust_units)
+    if hmi is not None and described is not None:
+        require_diagnosable(read_hmi(hmi), described, str(experiment))
+
+
 def _places(kinds: list[str]) -> dict[str, str]:
     """Folder of each diagnosis below the one that was asked for."""
     return {kind: kind if len(kinds) > 1 else "" for kind in kinds}
@@ -109,7 +124,12 @@ def _chosen(wanted: list[str], kinds: list[str]) -> dict[str, tuple[Cause, ...]]
         if name not in known:
             raise InputError(f"causes: there is no cause '{name}'; there are {', '.join(sorted(known))}.")
     chosen = {kind: tuple(c for c in libraries[kind] if not wanted or c.name in wanted) for kind in kinds}
-    return {kind: causes or libraries[kind] for kind, causes in chosen.items()}
+    for kind, causes in chosen.items():
+        if not causes:
+            raise InputError(
+                f"causes: none of {', '.join(wanted)} is one of {kind.upper()}: name one, or leave --{kind} out."
+            )
+    return chosen
 
 
 def _show(found: Diagnosis, out: Path) -> None:

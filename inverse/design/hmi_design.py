@@ -31,8 +31,6 @@ from inverse.inference.experiment import inference_settings
 
 _COVERED = 1.0
 _NEXT = "next"
-_Living = tuple[list[Extension[HmiCause]], Float[np.ndarray, " cause"]]
-"""Causes to tell apart, and their strengths."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,7 +93,7 @@ def design_hmi(
         found = diagnose_hmi(
             data, described, name=name, causes=library, seed=seed, gain=False, prepared=prepared, on_step=on_step
         )
-    fitted = _fitted(found, prepared, settings.reference_temperature_c, alive(found, causes, library))
+    fitted = _fitted(found, prepared, settings.reference_temperature_c, causes, library)
     now = _separation(fitted, None, None)
     rated, notes = [], []
     rows = fitted.problem.rows
@@ -108,13 +106,24 @@ def design_hmi(
             notes.append(f"Not rated, because the fast simulation does not reach so far: {proposal.words}.")
             continue
         rated.append((proposal, _separation(fitted, courses, more)))
+    if not rated:
+        raise InputError(
+            "no sonication can be rated: the constants that fit these curves lie outside of what the fast simulation "
+            "was made for (`arfjax diagnose` says which); widen their priors in `[inference]`."
+        )
     rated.sort(key=lambda one: -one[1].worst)
     checks = _checks(fitted, rated[0][0], library, seed, on_step) if check else ()
     names = {e.cause.name: float(s) for e, s in zip(fitted.extensions, fitted.strengths, strict=True)}
     return Design(names, now, tuple(Rated(*one) for one in rated), checks, fitted.size, seed, tuple(notes))
 
 
-def _fitted(found: Diagnosis, prepared: PreparedHmi, reference: float, living: _Living) -> _Fitted:
+def _fitted(
+    found: Diagnosis,
+    prepared: PreparedHmi,
+    reference: float,
+    causes: Sequence[str],
+    library: Sequence[HmiCause],
+) -> _Fitted:
     if found.noise is None or not isinstance(found.account, HmiAccount):
         raise InputError(
             "the fit of these curves failed, so that there is nothing to design by: see `arfjax diagnose`."
@@ -122,7 +131,7 @@ def _fitted(found: Diagnosis, prepared: PreparedHmi, reference: float, living: _
     problem = found.account.problem
     # Relative, as deviations that a file states say nothing of readings that are still to come.
     size = found.noise.size * float(np.median(1.0 / problem.weights))
-    extensions, strengths = living
+    extensions, strengths = alive(found, causes, library)
     return _Fitted(problem, prepared, reference, found.account.null.unknowns, extensions, strengths, size)
 
 

@@ -12,7 +12,8 @@ r"""From statistics to a verdict, at stated error rates.
    alone (`NEEDED`): two wrong causes take much of what a third leaves.
 4. *No cause?* If not even the best leaves the rest inconspicuous at `UNEXPLAINED_LEVEL` (a pair: at `PAIR_LEVEL`),
    the verdict is `unexplained`, never the nearest name. Which causes stay possible is said then, too: with a true one
-   that happens in the share of data sets that lies between the two levels.
+   that happens in the share of data sets that lies between the two levels. A refit that did not converge explains
+   nothing, but does not rule its cause out either.
 """
 
 import dataclasses
@@ -91,6 +92,7 @@ class Refitted:
         residuals: Measured less predicted.
         directions: Derivative of the prediction in everything that was fitted.
         misfit: What the fit made least; among causes, the lower the better.
+        converged: Whether the fit did: one that did not explains nothing, whatever it leaves.
         others: The causes that were not put in, at this fit: far from the null model their directions are others.
     """
 
@@ -98,6 +100,7 @@ class Refitted:
     directions: Float[np.ndarray, "n q"]
     misfit: float
     others: Sequence[Alternative]
+    converged: bool = True
 
 
 @dataclasses.dataclass(frozen=True)
@@ -195,42 +198,50 @@ def decide(
     # One kind of noise for all, so that their misfits compare: the one that goes with the likeliest cause.
     noise = family[omnibus.noises[omnibus.best(ranked[0]) or 0]] if ranked else family[0]
 
-    def put_in(added: Sequence[Alternative]) -> tuple[float, Evidence]:
+    def put_in(added: Sequence[Alternative]) -> _Tried:
         refitted = (extend or linearly)(added, noise)
         inside = [alternative.name for alternative in added]
         visible = {(cause.name, cause.shape) for cause in causes if cause.name not in inside}
         others = [cause for cause in refitted.others if (cause.name, cause.shape) in visible]
         left = test(refitted.residuals, refitted.directions, [*others, *free_forms], 1.0, whole=False)
-        return refitted.misfit, left
+        return _Tried(refitted.misfit, left, refitted.converged)
 
-    alone: dict[str, tuple[float, Evidence]] = {}
+    alone: dict[str, _Tried] = {}
     for name in ranked[:_CONSIDERED]:
         row = omnibus.best(name)
         if row is None or omnibus.log_p[row] > math.log(_WORTH_A_LOOK):
             break
         alone[name] = put_in([omnibus.alternatives[row]])
-    alone = dict(sorted(alone.items(), key=lambda item: item[1][0]))
+    alone = dict(sorted(alone.items(), key=lambda item: item[1].misfit))
     found = Decision(
         verdict="unexplained",
         omnibus=omnibus,
-        candidates={name: left.p_value for name, (_, left) in alone.items()},
-        misfits={name: misfit for name, (misfit, _) in alone.items()},
+        candidates={name: one.left.p_value for name, one in alone.items()},
+        misfits={name: one.misfit for name, one in alone.items()},
         explanations=(),
-        tests={name: left for name, (_, left) in alone.items()},
+        tests={name: one.left for name, one in alone.items()},
         last=omnibus,
     )
     singles = _explanations({(name,): one for name, one in alone.items()}, UNEXPLAINED_LEVEL)
     return _concluded(found, singles or _explanations(_pairs(found, put_in, names), PAIR_LEVEL))
 
 
-def _explanations(
-    tried: dict[tuple[str, ...], tuple[float, Evidence]], level: float
-) -> dict[tuple[str, ...], Evidence]:
-    """Those that are not ruled out, best first, if one of them leaves nothing conspicuous at a level."""
-    if max((left.p_value for _, left in tried.values()), default=0.0) < level:
+@dataclasses.dataclass(frozen=True)
+class _Tried:
+    """A cause or two put into the model: what the fit made least, the test of what it leaves, whether it converged."""
+
+    misfit: float
+    left: Evidence
+    converged: bool
+
+
+def _explanations(tried: dict[tuple[str, ...], _Tried], level: float) -> dict[tuple[str, ...], Evidence]:
+    """Fits that are not ruled out, best first, if one of them leaves nothing conspicuous at a level."""
+    fits = {names: one for names, one in tried.items() if one.converged}
+    if max((one.left.p_value for one in fits.values()), default=0.0) < level:
         return {}
-    ordered = sorted(tried.items(), key=lambda item: item[1][0])
-    return {names: left for names, (_, left) in ordered if left.p_value >= SET_LEVEL}
+    ordered = sorted(fits.items(), key=lambda item: item[1].misfit)
+    return {names: one.left for names, one in ordered if one.left.p_value >= SET_LEVEL}
 
 
 def _concluded(found: Decision, explanations: dict[tuple[str, ...], Evidence]) -> Decision:
@@ -242,10 +253,10 @@ def _concluded(found: Decision, explanations: dict[tuple[str, ...], Evidence]) -
 
 
 def _pairs(
-    found: Decision, put_in: Callable[[Sequence[Alternative]], tuple[float, Evidence]], names: Sequence[str]
-) -> dict[tuple[str, ...], tuple[float, Evidence]]:
+    found: Decision, put_in: Callable[[Sequence[Alternative]], _Tried], names: Sequence[str]
+) -> dict[tuple[str, ...], _Tried]:
     """Pairs of which each cause is needed beside the other, put into the model."""
-    tried: dict[tuple[str, ...], tuple[float, Evidence]] = {}
+    tried: dict[tuple[str, ...], _Tried] = {}
     for first in list(found.misfits)[:_FIRST]:
         left = found.tests[first]
         for second in left.ranked(names)[:_SECOND]:

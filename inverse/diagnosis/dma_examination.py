@@ -36,7 +36,7 @@ def examine_dma(
         program: Causes that the compiled refits hold beside the library, so that other libraries need no others.
     """
     program = (*program, *(cause for cause in causes if cause.name not in {one.name for one in program}))
-    family = noise_family(problem.orderings(), problem.frequencies())
+    family = noise_family(problem.orderings(), problem.frequencies(), unit="Hz")
     residuals, fitted, constants = _fitted_in_its_noise(problem, family, program)
     size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
     free_forms, places = _free_forms(problem, residuals)
@@ -49,7 +49,7 @@ def examine_dma(
         extensions = [extension_of(causes, one) for one in added]
         start = linear_strengths(added, residuals, fitted)
         refit = fit(extensions, noise, start, False)
-        return Refitted(refit.residuals, refit.directions, refit.misfit, refit.others)
+        return Refitted(refit.residuals, refit.directions, refit.misfit, refit.others, refit.converged)
 
     decision = decide(
         residuals, fitted, seen, free_forms, family, rng, extend=extend, level=level, replicates=replicates

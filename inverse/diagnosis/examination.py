@@ -14,7 +14,7 @@ from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.screening import Alternative, visibility
 
 DETECTABLE = 4.5
-"""d' at which an effect counts as detectable: it is found in about 96 of 100 data sets."""
+"""d' at which an effect counts as detectable: found in 96 of 100 data sets if noise and model were known."""
 LEAST_VISIBILITY = 0.02
 """Part of a cause's effect that the fitted constants must leave, or the data cannot see it."""
 MOST_IMPLAUSIBLE = 10.0
@@ -172,7 +172,7 @@ def visible_alternatives(
 
 
 def detectable_strength(alternative: Alternative, visible: float, size: float) -> float:
-    """Strength at which an effect is found in about 96 of 100 data sets."""
+    """Strength at which an effect is `DETECTABLE`."""
     length = float(np.linalg.norm(alternative.directions)) * visible
     return DETECTABLE * size / max(length, 1e-300)
 

@@ -58,6 +58,7 @@ class Noise:
         log_prior: Of this member.
         step: Ratio of the deviations on both sides of the step; 1 without.
         place: Value of the coordinate at the step; NaN without.
+        unit: Of the coordinate.
     """
 
     correlation: float
@@ -66,6 +67,7 @@ class Noise:
     log_prior: float
     step: float
     place: float
+    unit: str = ""
 
     def whiten(self, data: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
         """Data in coordinates in which this noise is white and of size one."""
@@ -130,18 +132,21 @@ class Noise:
         words = []
         if self.step != 1.0:
             larger, where = (self.step, "above") if self.step > 1.0 else (1.0 / self.step, "below")
-            words.append(f"{larger:.2g} times larger {where} {self.place:.3g}")
+            words.append(f"{larger:.2g} times larger {where} {self.place:.3g} {self.unit}".rstrip())
         if self.correlation:
             words.append(f"correlated by {self.correlation:.2g} between neighbours along {self.ordering.name}")
         return ", ".join(words)
 
 
-def noise_family(orderings: Sequence[Ordering], coordinate: Float[np.ndarray, " n"]) -> tuple[Noise, ...]:
+def noise_family(
+    orderings: Sequence[Ordering], coordinate: Float[np.ndarray, " n"], *, unit: str = ""
+) -> tuple[Noise, ...]:
     """Members to choose from, white noise of one size first.
 
     Args:
         orderings: Along which neighbours may be correlated.
         coordinate: Along which the standard deviation may step, such as frequency.
+        unit: Of that.
     """
     flat = np.zeros(len(coordinate))
     members = []
@@ -151,7 +156,7 @@ def noise_family(orderings: Sequence[Ordering], coordinate: Float[np.ndarray, " 
         for ordering in orderings[: 1 if correlation == 0.0 else None]:
             for log_deviation, step, place in levels:
                 prior = LOG_PRIOR_OF_STEP * (step != 1.0) + LOG_PRIOR_OF_CORRELATION * (correlation != 0.0)
-                members.append(Noise(correlation, ordering, log_deviation, prior, step, place))
+                members.append(Noise(correlation, ordering, log_deviation, prior, step, place, unit))
     return tuple(members)
 
 

@@ -57,6 +57,8 @@ class NoiseGate:
     def describe(self) -> str:
         """In words."""
         words = [f"the noise is {self.kind}"]
+        if self.p_white >= GATE_LEVEL:
+            words = ["nothing says that the noise is not white and of one size"]
         if self.p_size < GATE_LEVEL:
             words.append(f"{self.size:.2f} times the stated standard deviations")
         if self.p_tails < GATE_LEVEL:

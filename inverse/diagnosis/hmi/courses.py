@@ -22,6 +22,11 @@ _LEAST_RISE = 1e-6
 _FALL_TERMS = 3
 """Terms of the fall of temperature beside the axis: within 3e-3 of the rise from the first second on."""
 
+_STILL = 0.02
+"""Part of the sonication after its end in which a reading is still taken for one at the end."""
+_FALL = 2.0
+"""Fall of the temperature within a sonication that a thermometer's noise may explain [K]."""
+
 _AGES = np.expm1(np.linspace(0.0, 8.0, 49)) / np.expm1(8.0)
 """Of the time since the start, at which the past of a state is kept: from a ten-thousandth of it on."""
 _OFTEN = 3001
@@ -41,6 +46,8 @@ class HmiRows:
         is_reference: Whether the row is a reading that its curve was divided by.
         deviation: Relative standard deviation, where the file gives it.
         file_row: Row of the file, or -1.
+        lateness: Time measured less that at which the simulated heating gets to the temperature [s], once that is
+            known; NaN where either is not measured.
     """
 
     log_displacement: Float[np.ndarray, " row"]
@@ -51,6 +58,7 @@ class HmiRows:
     is_reference: Bool[np.ndarray, " row"]
     deviation: Float[np.ndarray, " row"] | None
     file_row: Int[np.ndarray, " row"]
+    lateness: Float[np.ndarray, " row"] | None = None
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -61,15 +69,17 @@ def hmi_rows(data: HmiData, reference_temperature: float) -> HmiRows:
     """Readings of a file, and for a curve in percent the reading that it was divided by, where it is not in the file.
 
     Dividing by a reading says nothing of the model but carries that reading's error into all others. With the reading
-    among the rows and a factor of each sonication free, that is what it is: one more reading.
+    among the rows and a factor of each sonication free, that is what it is: one more reading. A curve that is 100
+    percent at its coldest reading was divided by that one, whatever its temperature.
 
     Args:
         data: What was measured.
         reference_temperature: At which curves in percent are 100 [degC].
 
     Raises:
-        InputError: if a displacement is not positive.
+        InputError: if a displacement is not positive, or readings were taken while it cooled.
     """
+    _require_heating(data)
     measured = np.asarray(data.displacement, dtype=float)
     if not np.all(measured > 0.0):
         row = int(np.flatnonzero(~(measured > 0.0))[0])
@@ -89,8 +99,30 @@ def hmi_rows(data: HmiData, reference_temperature: float) -> HmiRows:
     )
     if not data.in_percent or data.temperature is None:
         return rows
+    for number in range(len(data.labels)):
+        mine = np.flatnonzero(sonication == number)
+        coldest = mine[np.argmin(temperature[mine])]
+        reference[coldest] |= not np.any(reference[mine]) and measured[coldest] == 100.0
     missing = [number for number in range(len(data.labels)) if not np.any(reference[sonication == number])]
     return _with_references(rows, missing, reference_temperature)
+
+
+def _require_heating(data: HmiData) -> None:
+    """Refuse readings while it cools: dose and state of the tissue are those of the heating."""
+    if data.temperature is None:
+        return
+    for label in data.labels:
+        mine = data.rows_of(label)
+        temperature = np.asarray(data.temperature)[mine]
+        fallen = np.flatnonzero(temperature < np.maximum.accumulate(temperature) - _FALL)
+        if not fallen.size:
+            continue
+        row, hottest = int(fallen[0]), float(np.max(temperature[: fallen[0]]))
+        order = "" if data.time is not None else ", or sort the rows by temperature if all are of the heating"
+        raise InputError(
+            f"{data.path}: row {mine[row] + 1}: {temperature[row]:g} degC after {hottest:g} in sonication {label}; a "
+            f"diagnosis knows readings while the focus heats: leave out those while it cools{order}."
+        )
 
 
 def _with_references(rows: HmiRows, missing: list[int], temperature: float) -> HmiRows:
@@ -125,8 +157,11 @@ def plan_courses(
         protocol: Of the sonications.
         settings: Grids of heat.
         reference_temperature: At which curves in percent are 100 [degC].
+
+    Raises:
+        InputError: if temperatures lie below the protocol's start, or times after its end.
     """
-    courses, time = [], rows.time.copy()
+    courses, time, lateness = [], rows.time.copy(), np.full(len(rows), np.nan)
     temperature = rows.temperature.copy()
     sweeps = plan_sweeps(data, protocol, reference_temperature)
     # Sonications differ in their end alone, and with it in power.
@@ -138,15 +173,26 @@ def plan_courses(
         clock, focal = np.asarray(heating.time), np.asarray(heating.focal_temperature)
         if sweep.in_time:
             temperature[mine] = np.interp(time[mine], clock, focal)
-        unknown = mine[np.isnan(time[mine])]
+        _require_during(data, rows, mine, sweep.protocol.duration)
         often = np.linspace(0.0, clock[-1], _OFTEN)
-        time[unknown] = np.interp(temperature[unknown], CubicSpline(clock, focal)(often), often)
+        simulated = np.interp(temperature[mine], CubicSpline(clock, focal)(often), often)
+        lateness[mine] = np.nan if sweep.in_time else time[mine] - simulated
+        time[mine] = np.where(np.isnan(time[mine]), simulated, time[mine])
         keys = np.stack([temperature[mine], time[mine], rows.is_reference[mine]], axis=-1)
         states, places = np.unique(keys, axis=0, return_inverse=True)
         end = [sweep.protocol.final_temperature, sweep.protocol.duration, 0.0]
         conditions = _conditions(np.vstack([states, end]), heating, sweep.protocol, settings)
         courses.append(Course(sweep.protocol, conditions, mine, places.ravel(), sweep.in_time))
-    return tuple(courses), dataclasses.replace(rows, time=time, temperature=temperature)
+    return tuple(courses), dataclasses.replace(rows, time=time, temperature=temperature, lateness=lateness)
+
+
+def _require_during(data: HmiData, rows: HmiRows, mine: Int[np.ndarray, " mine"], duration: float) -> None:
+    late = mine[rows.time[mine] > (1.0 + _STILL) * duration]
+    if late.size:
+        raise InputError(
+            f"{data.path}: row {rows.file_row[late[0]] + 1}: {rows.time[late[0]]:g} s is after the sonication's end at "
+            f"{duration:g} s; change `protocol.sonication_s` in the experiment file, or leave out what was read later."
+        )
 
 
 def _conditions(
@@ -161,7 +207,7 @@ def _conditions(
     lethal = float(np.interp(_log(LETHAL_DOSE_MINUTES), _log(at_focus), clock, right=np.inf))
     share = np.asarray(coagulated_fraction(jnp.asarray(at_focus), LETHAL_DOSE_MINUTES, width=COAGULATION_WIDTH))
     fall = _off_axis_fall(heating, protocol, settings, z)
-    # What is read after the sonication ended is taken for its end.
+    # What was read just after the sonication ended is taken for its end.
     held = np.clip(time, 0.0, clock[-1])
     course, age = CubicSpline(clock, focal), held[:, None] * _AGES
     return HmiConditions(

@@ -30,7 +30,7 @@ from inverse.diagnosis.hmi.program import HmiProgram
 from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_full
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.where import Axis
-from inverse.inference.experiment import inference_settings
+from inverse.inference.experiment import InferenceSettings, inference_settings
 
 _FIRST_SIZE = 0.02
 """Relative deviation of a reading that a fit starts from, where the data do not give it."""
@@ -78,9 +78,7 @@ def diagnose_hmi(
         ValueError: if there are too few data, `level` is out of range, or JAX runs in single precision.
     """
     require_level(level)
-    settings = inference_settings(described, name)
-    rows = hmi_rows(data, settings.reference_temperature_c)
-    _require_enough(rows, len(free_constants(described, settings).names))
+    settings = require_diagnosable(data, described, name)
     if prepared is None:
         prepared = prepare_hmi(
             described, settings, data, seed=seed, effort=effort, discretisation=discretisation, on_step=on_step
@@ -134,6 +132,23 @@ def diagnose_curves(
     )  # fmt: skip
     assert isinstance(examined.fit, Refits)
     return dataclasses.replace(found, audit=(*found.audit, *examined.fit.remarks()))
+
+
+def require_diagnosable(data: HmiData, described: Experiment, name: str = "experiment") -> InferenceSettings:
+    """What the experiment says of inference, if the data can be diagnosed with it.
+
+    Args:
+        data: From `read_hmi`.
+        described: The experiment.
+        name: Of the experiment, for messages.
+
+    Raises:
+        InputError: if they cannot.
+    """
+    settings = inference_settings(described, name)
+    rows = hmi_rows(data, settings.reference_temperature_c)
+    _require_enough(rows, len(free_constants(described, settings).names))
+    return settings
 
 
 def _require_enough(rows: HmiRows, constants: int) -> None:

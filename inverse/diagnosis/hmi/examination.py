@@ -68,7 +68,7 @@ def examine_hmi(
         others = [one for one in found if one.name not in inside]
         # Outside of what is known of the simulation a fit is worth no more than one without the cause.
         misfit = refit.misfit if refit.converged else max(refit.misfit, null.misfit)
-        return Refitted(refit.residuals, refit.directions, misfit, others)
+        return Refitted(refit.residuals, refit.directions, misfit, others, refit.converged)
 
     looked_for = [one.alternative for one in rough]
     decision = decide(

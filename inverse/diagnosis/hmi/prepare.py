@@ -16,6 +16,7 @@ from inverse.diagnosis.hmi.program import HmiProgram
 from inverse.fast_hmi import FastHmi, prepare_fast
 from inverse.hmi_model import Sweep, plan_sweeps
 from inverse.inference.experiment import InferenceSettings, anchored, free_parameters
+from inverse.inference.hmi import SAME_TEMPERATURE_K
 from inverse.inference.parameter_set import ParameterSet
 from inverse.inference.problem import State
 from inverse.inference.widened import widened
@@ -29,6 +30,8 @@ to rest: in three development sets up to d' 0.4 was left. With 100 pushes, 40 sh
 1.5 in two of them; with 300, 100 and 900 up to 0.4 in two, and a prediction took 4 times as long."""
 _DRAWS = 100
 _WIDER = 4.0 / 3.0
+_LATE = 0.1
+"""Part of the sonication by which measured times may differ from simulated ones without a word."""
 _SOUND_SPEED = 25.0
 """Change of the liver's sound speed that the fast simulation follows either way [m/s]."""
 
@@ -144,7 +147,7 @@ def hmi_problem_of(
         program = HmiProgram(curve, courses, prepared.parameters, State(prepared.model, {}), causes, prepared.fine)
     else:
         program = program.on(courses)
-    notes = _notes(data, rows)
+    notes = _notes(data, rows, reference)
     if settings.across_sonications:
         differing = ", ".join(settings.across_sonications)
         notes = (
@@ -188,7 +191,7 @@ def _draws(parameters: ParameterSet, model: Model, seed: int) -> list[Model]:
     ]
 
 
-def _notes(data: HmiData, rows: HmiRows) -> tuple[str, ...]:
+def _notes(data: HmiData, rows: HmiRows, reference: float) -> tuple[str, ...]:
     notes = []
     if data.time is None:
         notes.append("The file gives no times: those are taken from the simulated heating.")
@@ -199,6 +202,22 @@ def _notes(data: HmiData, rows: HmiRows) -> tuple[str, ...]:
         notes.append(
             f"Of {count} sonications the reading that the curve was divided by is not in the file; it counts as one "
             "more reading, 100 percent at the reference temperature, with an error like the others'."
+        )
+    elsewhere = rows.is_reference & (np.abs(rows.temperature - reference) >= SAME_TEMPERATURE_K)
+    if np.any(elsewhere):
+        at = ", ".join(
+            f"{rows.labels[rows.sonication[i]]} at {rows.temperature[i]:g}" for i in np.flatnonzero(elsewhere)
+        )
+        notes.append(
+            f"Sonications that are 100 percent at their coldest reading were divided by that, not by one at "
+            f"{reference:g} degC: {at} degC."
+        )
+    late = np.zeros(0) if rows.lateness is None else rows.lateness[np.isfinite(rows.lateness)]
+    if late.size and abs(np.median(late)) > _LATE * float(np.max(rows.time)):
+        notes.append(
+            f"Readings come {abs(np.median(late)):.2g} s {'later' if np.median(late) > 0.0 else 'earlier'} than the "
+            "simulated heating gets to their temperatures (median); thermal dose is that of the simulated heating. Are "
+            "`protocol.sonication_s` and the temperatures right?"
         )
     notes.append("A factor of each sonication is free: absolute displacement says nothing here.")
     return tuple(notes)

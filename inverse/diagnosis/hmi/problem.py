@@ -135,7 +135,7 @@ class HmiDiagnosisProblem:
     def noise_family(self) -> tuple[Noise, ...]:
         """Of readings, correlated in time in each sonication or larger from some temperature on; and of beliefs."""
         neighbours = series("time", self.rows.sonication.tolist(), self.rows.time)
-        family = noise_family((neighbours,), self.rows.temperature)
+        family = noise_family((neighbours,), self.rows.temperature, unit="degC")
         return tuple(one.extended(len(self.program.start)) for one in family)
 
 

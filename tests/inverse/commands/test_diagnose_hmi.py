@@ -50,12 +50,20 @@ def test_what_is_written(paper):
         (["--hmi", "HMI"], "give the experiment file"),
         (["TOML", "--hmi", "HMI", "--causes", "gremlins"], "there is no cause 'gremlins'"),
         (["TOML", "--hmi", "HMI", "--causes", "drying"], "there is no cause 'drying'"),
+        (["TOML", "--hmi", "HMI", "--dma", "DMA", "--causes", "drying"], "none of drying is one of HMI"),
+        (["TOML", "--hmi", "HMI", "--model", "zener"], "--model are of a DMA"),
+        (["TOML", "--hmi", "HMI", "--trust-units"], "--trust-units and"),
+        # Before the DMA is diagnosed, which takes minutes.
+        (["DEFAULT", "--hmi", "HMI", "--dma", "DMA"], "14 readings for 9 constants"),
+        (["TOML", "--hmi", "DMA", "--dma", "DMA"], "no column for displacement"),
+        (["nowhere.toml", "--dma", "DMA"], "nowhere.toml"),
         (["DEFAULT", "--hmi", "HMI"], "14 readings for 9 constants"),
     ],
 )
 def test_what_it_cannot_use_gets_one_line(arguments, said, tmp_path, capsys):
     names = {
         "HMI": str(shipped("suomi2016_hmi")),
+        "DMA": str(shipped("pyvisco_polymer")),
         "TOML": str(PUBLISHED),
         "DEFAULT": str(shipped("suomi2016_experiment")),
     }

@@ -22,7 +22,7 @@ class AttenuationKinetics(HmiCause):
     sentence = (
         "Coagulated tissue attenuates more, and gets there slowly after its dose, whatever the temperature is then."
     )
-    helps = "Sonications of other durations to the same temperature, or readings while it cools."
+    helps = "Sonications of other durations to the same temperature."
     source = "Clarke, Bush & ter Haar (2003): time constant 118 s; scale assumed: up to twice the attenuation"
 
     def tissue(

@@ -19,7 +19,7 @@ class ConductivityChange(HmiCause):
     sentence = (
         "Heat spreads faster or slower than assumed, so that the lesion is wider or narrower at the same temperature."
     )
-    helps = "Times beside temperatures, or readings while it cools."
+    helps = "A slow and a fast sonication to the same temperature, or the temperature followed while it cools."
     source = "Guntur et al. (2013): 0.5 to 0.8 W/(m K) from 25 to 90 degC, from memory"
 
     def model(self, model: Model, strength: Strength, shape: Strength) -> Model:

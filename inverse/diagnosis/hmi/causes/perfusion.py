@@ -23,7 +23,7 @@ class Perfusion(HmiCause):
         "More or less blood flow than assumed: the temperature comes to rest earlier or later, and the lesion has "
         "another shape and dose."
     )
-    helps = "Times beside temperatures, or readings while it cools."
+    helps = "The same sonication with and without flow, or the temperature followed while it cools."
     source = (
         "Strength is the change over the assumed flow of perfused liver (0.0145 1/s), 15.2 kg/(m^3 s) as in the model"
     )

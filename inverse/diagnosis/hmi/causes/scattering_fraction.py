@@ -16,7 +16,7 @@ class ScatteringFraction(HmiCause):
     sign = 1
     plausible = 0.3
     sentence = "A part of attenuation scatters: it takes sound away without pushing or heating as absorption does."
-    helps = "Displacement in metres at a power that is known, or absorption from the first second of heating."
+    helps = "Absorption from the first second of heating: a factor of every sonication is free here."
     source = "Damianou, Sanghvi & Fry (1997), absorption below attenuation, from memory; scale assumed"
 
     def tissue(

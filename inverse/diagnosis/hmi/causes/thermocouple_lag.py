@@ -23,7 +23,7 @@ class ThermocoupleLag(HmiCause):
         "The thermocouple follows with a time constant: the tissue is hotter than it shows, by about the rise within "
         "the last time constant."
     )
-    helps = "Record times beside temperatures, or hold the temperature before a reading."
+    helps = "Sonications of other durations to the same temperature, or a temperature held before a reading."
     source = "First-order lag; scale assumed, from the time constants of wire thermocouples in tissue"
 
     def temperature(

@@ -1,10 +1,13 @@
 """Data in percent are what they are, and what cannot be compared is refused."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from arfjax import InputError
-from inverse.diagnosis.hmi.courses import hmi_rows
+from arfjax import InputError, discretise
+from inverse.diagnosis.hmi.courses import hmi_rows, plan_courses
+from inverse.diagnosis.hmi.prepare import _notes
 from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, curves
 
 
@@ -23,3 +26,48 @@ def test_a_displacement_that_is_not_positive_is_refused():
     percent[4] = -1.0
     with pytest.raises(InputError, match="row 5.*positive"):
         hmi_rows(curves(percent), 37.0)
+
+
+def test_a_curve_that_is_100_percent_at_its_coldest_reading_was_divided_by_that():
+    """Another reading of 100 percent at the reference temperature would be one that nobody took."""
+    percent = np.full(len(TEMPERATURES), 97.0)
+    percent[0], percent[5] = 100.0, 100.0
+    rows = hmi_rows(curves(percent), 35.0)
+    # The second sonication is nowhere 100 percent when it is coldest: its reading is not in the file.
+    assert list(np.flatnonzero(rows.is_reference)) == [0, len(TEMPERATURES)]
+    assert list(rows.temperature[rows.is_reference]) == [TEMPERATURES[0], 35.0] and rows.sonication[-1] == 1
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_readings_while_it_cools_are_refused(timed):
+    data = curves(np.full(len(TEMPERATURES), 97.0), np.tile(np.arange(13.0), 2) if timed else None)
+    noisy, cooling = TEMPERATURES.copy(), TEMPERATURES.copy()
+    noisy[12] = noisy[11] - 1.5
+    assert len(hmi_rows(dataclasses.replace(data, temperature=noisy), 37.0)) == len(TEMPERATURES) + 2
+    cooling[20:] = cooling[20:][::-1] - 4.0
+    with pytest.raises(InputError, match="row 22: .* degC after 76 in sonication 2; .*while it cools") as caught:
+        hmi_rows(dataclasses.replace(data, temperature=cooling), 37.0)
+    assert ("sort the rows" in str(caught.value)) is not timed
+
+
+def test_times_after_the_sonication_are_refused_and_those_that_disagree_are_told(described, settings):
+    model, protocol = described.model(), described.stepwise()
+    coarse = discretise(model, refinement=0.5)
+
+    def planned(time):
+        data = curves(np.full(len(TEMPERATURES), 97.0), time)
+        return plan_courses(data, hmi_rows(data, 37.0), model, protocol, coarse, 37.0)[1]
+
+    simulated = planned(None)
+    assert np.all(np.isnan(simulated.lateness))
+    times = simulated.time[: len(TEMPERATURES)]
+    again = planned(times)
+    np.testing.assert_allclose(again.lateness[: len(TEMPERATURES)], 0.0, atol=1e-9)
+    np.testing.assert_allclose(planned(0.5 * times).lateness[: len(TEMPERATURES)], -0.5 * times, atol=1e-9)
+    with pytest.raises(InputError, match="row 12: 76.* s is after the sonication's end at 60 s; .*sonication_s"):
+        planned(2.0 * times)
+    last = np.where(np.arange(len(times)) == 12, 60.6, 0.99 * times)
+    assert planned(last).time[12] == 60.6
+    usual = _notes(curves(np.full(len(TEMPERATURES), 97.0), times), again, 37.0)
+    early = _notes(curves(np.full(len(TEMPERATURES), 97.0), 0.5 * times), planned(0.5 * times), 37.0)
+    assert not any("earlier" in note for note in usual) and any("s earlier than the simulated" in note for note in early)

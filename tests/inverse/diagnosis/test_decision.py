@@ -1,0 +1,58 @@
+"""From tests to a verdict, on linear data."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from inverse.diagnosis.decision import Refitted, decide
+from inverse.diagnosis.noise import noise_family, series
+from inverse.diagnosis.screening import Alternative
+
+N = 80
+POSITION = np.linspace(0.0, 1.0, N)
+FITTED = np.column_stack([np.ones(N), POSITION])
+CAUSES = [
+    Alternative("wave", np.sin(9.0 * POSITION)[:, None]),
+    Alternative("step", (POSITION > 0.5).astype(float)[:, None]),
+    Alternative("bend", (POSITION**2)[:, None]),
+]
+FAMILY = noise_family((series("time", [0] * N, POSITION),), POSITION)[:1]
+
+
+def hidden(*effects, seed=3):
+    return sum(effects) + np.random.default_rng(seed).standard_normal(N)
+
+
+def decided(residuals, extend=None):
+    return decide(residuals, FITTED, CAUSES, [], FAMILY, np.random.default_rng(1), extend=extend)
+
+
+def projected(added):
+    """The fit with causes in it, which is exact where everything is linear."""
+    data, moved = WAVE, np.concatenate([FITTED, *(one.directions for one in added)], axis=1)
+    left = data - moved @ np.linalg.lstsq(moved, data)[0]
+    return Refitted(left, moved, float(left @ left), CAUSES)
+
+
+WAVE = hidden(1.5 * CAUSES[0].directions[:, 0])
+
+
+def test_what_is_hidden_is_named():
+    found = decided(WAVE, lambda added, _: projected(added))
+    assert found.verdict == "named" and found.named == ("wave",)
+
+
+@pytest.mark.parametrize("failing", ["wave", "step"])
+def test_a_refit_that_did_not_converge_explains_nothing(failing):
+    """Nor does it rule its cause out: what it leaves is what any point on the way would leave."""
+
+    def extend(added, _):
+        return dataclasses.replace(projected(added), converged=failing not in [one.name for one in added])
+
+    found = decided(WAVE, extend)
+    if failing == "wave":
+        assert found.verdict == "unexplained" and found.named == () == found.confusable
+        assert "wave" in found.possible and found.candidates["wave"] > 0.06
+    else:
+        assert found.verdict == "named" and found.named == ("wave",)
