@@ -1,5 +1,6 @@
 """`inverse.diagnose`: the command in one call."""
 
+import dataclasses
 import json
 
 import jax.numpy as jnp
@@ -8,7 +9,8 @@ import pytest
 import inverse
 from arfjax import InputError
 from inverse.datasets.dma import read_dma
-from inverse.diagnosis import DMA_CAUSES, DmaCause
+from inverse.diagnosis import DMA_CAUSES, DmaCause, dma_diagnosis
+from inverse.diagnosis.report import report
 from tests.blind import dma_generator as blind
 
 
@@ -62,6 +64,37 @@ def test_a_cause_of_ones_own_joins_the_library(file):
 def test_wrong_names(file, wrong, said):
     with pytest.raises(InputError, match=said):
         inverse.diagnose(file, **wrong)
+
+
+def test_a_fit_that_failed_blames_no_physics(file, tmp_path, monkeypatch):
+    prepared = dma_diagnosis.dma_problem
+
+    def failing(*given, **named):
+        problem, rest = prepared(*given, **named)
+        lost = dataclasses.replace(problem.fits[2], converged=False, status="no minimum was found")
+        return dataclasses.replace(problem, fits=(*problem.fits[:2], lost, *problem.fits[3:])), rest
+
+    monkeypatch.setattr(dma_diagnosis, "dma_problem", failing)
+    found = inverse.diagnose(file, out=tmp_path / "out")
+    content = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert found.verdict == content["verdict"] == "fit-failure"
+    assert content["causes"] == content["named"] == [] and content["omnibus"]["p_value"] is None
+    assert any("no minimum was found" in remark for remark in content["audit"])
+    assert "nothing is said about physics" in (tmp_path / "out" / "report.md").read_text()
+
+
+def test_two_causes_are_called_two_and_sets_of_pairs_are_listed(file):
+    found = inverse.diagnose(file, causes=["sweep-drift", "slip", "drying"], gain=False).details
+    assert found.decision is not None
+
+    def reported(verdict, *explanations):
+        decision = dataclasses.replace(found.decision, verdict=verdict, explanations=explanations)
+        return report(dataclasses.replace(found, verdict=verdict, decision=decision), "these data", [])
+
+    assert "lacks one cause" in reported("named", ("slip",))
+    assert "lacks two causes" in reported("named", ("sweep-drift", "slip"))
+    several = reported("confusable", ("sweep-drift", "slip"), ("drying", "slip"))
+    assert "these do together: sweep-drift with slip; drying with slip" in several
 
 
 def test_the_library_is_the_default():

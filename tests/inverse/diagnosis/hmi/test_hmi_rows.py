@@ -70,4 +70,6 @@ def test_times_after_the_sonication_are_refused_and_those_that_disagree_are_told
     assert planned(last).time[12] == 60.6
     usual = _notes(curves(np.full(len(TEMPERATURES), 97.0), times), again, 37.0)
     early = _notes(curves(np.full(len(TEMPERATURES), 97.0), 0.5 * times), planned(0.5 * times), 37.0)
-    assert not any("earlier" in note for note in usual) and any("s earlier than the simulated" in note for note in early)
+    assert not any("earlier" in note for note in usual) and any(
+        "s earlier than the simulated" in note for note in early
+    )
