@@ -44,7 +44,7 @@ def diagnose_command(
 ) -> None:
     """Say whether the model of a DMA file or of HMI curves is wrong, by which cause, and what mending it is worth.
 
-    Writes diagnosis.json, report.md, a figure (PNG and PDF) and summary.json into the folder `out`; with both files,
+    Writes diagnosis.json, report.md, two figures (PNG and PDF) and summary.json into the folder `out`; with both files,
     into its folders `dma` and `hmi`.
     """
     jax.config.update("jax_enable_x64", True)

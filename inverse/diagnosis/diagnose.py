@@ -21,6 +21,7 @@ from inverse.diagnosis.report import as_json, report
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
 from inverse.figures.diagnosis import diagnosis_figure
 from inverse.figures.hmi_diagnosis import hmi_diagnosis_figure
+from inverse.figures.residuals import residuals_figure
 
 MODELS = {"fractional": FRACTIONAL, "zener": CONVENTIONAL}
 """Null models by the names that users write."""
@@ -56,7 +57,7 @@ class Diagnosed:
         return self.details.confusable
 
     def write(self, folder: Path) -> None:
-        """Write `diagnosis.json`, `report.md` and the figure (PNG and PDF) into a folder."""
+        """Write `diagnosis.json`, `report.md` and the two figures (PNG and PDF) into a folder."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         text = json.dumps(self.content, indent=2, ensure_ascii=False, allow_nan=False)
@@ -65,7 +66,11 @@ class Diagnosed:
         figure = (hmi_diagnosis_figure if of_hmi else diagnosis_figure)(self.details)
         figure.savefig(folder / "diagnosis.png", dpi=200)
         figure.savefig(folder / "diagnosis.pdf")
-        (folder / "report.md").write_text(report(self.details, self.name, ["diagnosis.png"]), encoding="utf-8")
+        left = residuals_figure(self.details)
+        left.savefig(folder / "residuals.png", dpi=200)
+        left.savefig(folder / "residuals.pdf")
+        words = report(self.details, self.name, ["diagnosis.png", "residuals.png"])
+        (folder / "report.md").write_text(words, encoding="utf-8")
 
 
 def diagnose(

@@ -48,6 +48,7 @@ class HmiRows:
         file_row: Row of the file, or -1.
         lateness: Time measured less that at which the simulated heating gets to the temperature [s], once that is
             known; NaN where either is not measured.
+        dose: Thermal dose at the focus by then, of the simulated heating before any fit [min], once that is known.
     """
 
     log_displacement: Float[np.ndarray, " row"]
@@ -59,6 +60,7 @@ class HmiRows:
     deviation: Float[np.ndarray, " row"] | None
     file_row: Int[np.ndarray, " row"]
     lateness: Float[np.ndarray, " row"] | None = None
+    dose: Float[np.ndarray, " row"] | None = None
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -161,7 +163,7 @@ def plan_courses(
     Raises:
         InputError: if temperatures lie below the protocol's start, or times after its end.
     """
-    courses, time, lateness = [], rows.time.copy(), np.full(len(rows), np.nan)
+    courses, time, lateness, dose = [], rows.time.copy(), np.full(len(rows), np.nan), np.zeros(len(rows))
     temperature = rows.temperature.copy()
     sweeps = plan_sweeps(data, protocol, reference_temperature)
     # Sonications differ in their end alone, and with it in power.
@@ -178,12 +180,14 @@ def plan_courses(
         simulated = np.interp(temperature[mine], CubicSpline(clock, focal)(often), often)
         lateness[mine] = np.nan if sweep.in_time else time[mine] - simulated
         time[mine] = np.where(np.isnan(time[mine]), simulated, time[mine])
+        dose[mine] = np.exp(np.interp(time[mine], clock, _log(_focal_dose(heating, settings))))
         keys = np.stack([temperature[mine], time[mine], rows.is_reference[mine]], axis=-1)
         states, places = np.unique(keys, axis=0, return_inverse=True)
         end = [sweep.protocol.final_temperature, sweep.protocol.duration, 0.0]
         conditions = _conditions(np.vstack([states, end]), heating, sweep.protocol, settings)
         courses.append(Course(sweep.protocol, conditions, mine, places.ravel(), sweep.in_time))
-    return tuple(courses), dataclasses.replace(rows, time=time, temperature=temperature, lateness=lateness)
+    found = dataclasses.replace(rows, time=time, temperature=temperature, lateness=lateness, dose=dose)
+    return tuple(courses), found
 
 
 def _require_during(data: HmiData, rows: HmiRows, mine: Int[np.ndarray, " mine"], duration: float) -> None:
@@ -200,13 +204,10 @@ def _conditions(
 ) -> HmiConditions:
     temperature, time, reference = states.T
     clock, focal = np.asarray(heating.time), np.asarray(heating.focal_temperature)
-    dose = np.asarray(heating.dose)
-    grid = settings.heat_grid
-    z = int(np.argmin(np.abs(np.asarray(grid.z) - settings.focus)))
-    at_focus = dose[:, 0, z]
+    at_focus = _focal_dose(heating, settings)
     lethal = float(np.interp(_log(LETHAL_DOSE_MINUTES), _log(at_focus), clock, right=np.inf))
     share = np.asarray(coagulated_fraction(jnp.asarray(at_focus), LETHAL_DOSE_MINUTES, width=COAGULATION_WIDTH))
-    fall = _off_axis_fall(heating, protocol, settings, z)
+    fall = _off_axis_fall(heating, protocol, settings, _focus(settings))
     # What was read just after the sonication ended is taken for its end.
     held = np.clip(time, 0.0, clock[-1])
     course, age = CubicSpline(clock, focal), held[:, None] * _AGES
@@ -224,6 +225,15 @@ def _conditions(
         start_temperature=jnp.asarray(protocol.start_temperature),
         push_duration=jnp.asarray(protocol.push_duration),
     )
+
+
+def _focus(settings: Discretisation) -> int:
+    """Cell of the focus along the axis."""
+    return int(np.argmin(np.abs(np.asarray(settings.heat_grid.z) - settings.focus)))
+
+
+def _focal_dose(heating: Heating, settings: Discretisation) -> Float[np.ndarray, " time"]:
+    return np.asarray(heating.dose)[:, 0, _focus(settings)]
 
 
 def _log(dose):

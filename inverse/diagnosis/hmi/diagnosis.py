@@ -217,7 +217,10 @@ def fit_remarks(null: HmiFit) -> tuple[str, ...]:
 def _axes(problem: HmiDiagnosisProblem) -> tuple[Axis, ...]:
     rows = problem.rows
     _, rounded = np.unique(np.round(rows.temperature), return_inverse=True)
-    return (
+    everywhere = np.zeros(len(rows), dtype=int)
+    axes = (
         Axis("time", rows.sonication, rows.time),
+        Axis("temperature in all sonications", everywhere, rows.temperature),
         Axis("sonications at one temperature", rounded, rows.sonication.astype(float)),
     )
+    return axes if rows.dose is None else (*axes, Axis("thermal dose in all sonications", everywhere, rows.dose))

@@ -36,7 +36,8 @@ def test_eleven_values_show_that_the_paper_s_simulation_is_wrong_and_cannot_tell
 @pytest.mark.timeout(1800)
 def test_what_is_written(paper):
     assert {path.name for path in paper.iterdir()} == {
-        "diagnosis.json", "diagnosis.png", "diagnosis.pdf", "report.md", "summary.json",
+        "diagnosis.json", "diagnosis.png", "diagnosis.pdf", "residuals.png", "residuals.pdf", "report.md",
+        "summary.json",
     }  # fmt: skip
     report = (paper / "report.md").read_text()
     assert "the reading that the curve was divided by is not in the file" in report

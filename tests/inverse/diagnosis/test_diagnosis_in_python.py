@@ -4,6 +4,7 @@ import dataclasses
 import json
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import inverse
@@ -11,6 +12,7 @@ from arfjax import InputError
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES, DmaCause, dma_diagnosis
 from inverse.diagnosis.report import report
+from inverse.figures.residuals import residuals_figure
 from tests.blind import dma_generator as blind
 
 
@@ -95,6 +97,25 @@ def test_two_causes_are_called_two_and_sets_of_pairs_are_listed(file):
     assert "lacks two causes" in reported("named", ("sweep-drift", "slip"))
     several = reported("confusable", ("sweep-drift", "slip"), ("drying", "slip"))
     assert "these do together: sweep-drift with slip; drying with slip" in several
+
+
+def test_what_is_left_is_drawn_against_every_coordinate_with_the_correction_of_no_name(file):
+    found = inverse.diagnose(file, causes=["slip"], gain=False).details
+    found = dataclasses.replace(found, verdict="unexplained", extended=None)
+    figure = residuals_figure(found)
+    assert [axis.get_xlabel() for axis in figure.axes[3:6]] == [
+        "frequency [Hz]",
+        "temperature [degC]",
+        "time [s, or rows]",
+    ]
+    problem, correction = found.problem, found.places[0]
+    drawn = {line.get_linestyle(): line for line in figure.axes[0].lines if len(line.get_xdata()) > 2}
+    last = np.flatnonzero(np.asarray(problem.conditions.sweep) == len(problem.sweeps) - 1)
+    relative = 100.0 * (correction.correction / problem.weights.ravel()).reshape(problem.weights.shape)[last, 0]
+    np.testing.assert_allclose(np.sort(drawn["-"].get_ydata()), np.sort(relative))
+    residuals = 100.0 * (found.residuals / problem.weights.ravel()).reshape(problem.weights.shape)[last, 0]
+    np.testing.assert_allclose(np.sort(drawn["None"].get_ydata()), np.sort(residuals))
+    assert figure.get_suptitle() == f"line: {correction.words}"
 
 
 def test_the_library_is_the_default():
