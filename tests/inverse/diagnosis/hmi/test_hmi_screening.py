@@ -5,16 +5,25 @@ import dataclasses
 import numpy as np
 import pytest
 
+from arfjax import InputError
+from inverse.design import design_hmi
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.diagnose import Diagnosed
+from inverse.diagnosis.diagnosis import failed
+from inverse.diagnosis.hmi import diagnosis as hmi_diagnosis
 from inverse.diagnosis.hmi import examination
+from inverse.diagnosis.hmi.account import HmiAccount
+from inverse.diagnosis.hmi.diagnosis import diagnose_curves
 from inverse.diagnosis.hmi.examination import Refits, noise_size
 from inverse.diagnosis.hmi.fitting import moved_by
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import fit_hmi
 from inverse.diagnosis.hmi.rough_fit import best_of_each, in_full
+from inverse.diagnosis.report import as_json
 from inverse.diagnosis.screening import Screen
-from tests.inverse.diagnosis.hmi.cases import at_strength, looked_for_in, white
+from inverse.figures.residuals import residuals_figure
+from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, at_strength, curves, looked_for_in, measured_with, white
 
 DRIFT, POSITION, LAG = "output-drift", "thermocouple-position", "thermocouple-lag"
 
@@ -171,3 +180,36 @@ def test_effect_of_a_tissue_that_cannot_be_is_that_of_a_smaller_strength(problem
     """With noise so large that no strength would be seen, every effect is followed as far as there is one."""
     found = problem.alternatives(problem.program.null(), problem.factors, 10.0)
     assert all(np.all(np.isfinite(one.directions)) for one in found)
+
+
+def test_a_fit_that_failed_blames_no_physics_and_designs_nothing(problem, prepared, described, monkeypatch, tmp_path):
+    hidden, _ = measured_with(problem, DRIFT, 1.0, noise=0.01)
+    fitted = hmi_diagnosis.fit_hmi
+    monkeypatch.setattr(
+        hmi_diagnosis, "fit_hmi",
+        lambda *given, **named: dataclasses.replace(fitted(*given, **named), converged=False, status="it went astray"),
+    )  # fmt: skip
+    found = diagnose_curves(hidden, corrected=False)
+    assert found.verdict == "fit-failure" and any("it went astray" in remark for remark in found.audit)
+    Diagnosed(as_json(found), "these curves", found).write(tmp_path)
+    assert {one.name for one in tmp_path.iterdir()} >= {"diagnosis.json", "report.md", "diagnosis.png", "residuals.pdf"}
+    assert "nothing is said about physics" in (tmp_path / "report.md").read_text()
+    with pytest.raises(InputError, match="fit of these curves failed"):
+        design_hmi(curves(np.full(len(TEMPERATURES), 100.0)), described, found=found, prepared=prepared)
+
+
+def test_what_is_left_of_curves_is_drawn_against_temperature_time_dose_and_sonication(problem):
+    hidden, null, *_ = looked_for_in(problem, DRIFT, 1.0, 0.005)
+    found = failed(HmiAccount(hidden, null), hidden, null.residuals, (), level=0.05, seed=0)
+    first, *_ = axes = residuals_figure(found).axes
+    labels = [axis.get_xlabel() for axis in axes]
+    assert [words.split()[0] for words in labels] == ["temperature", "time", "thermal", "sonication"]
+    points = np.sort(np.concatenate([line.get_ydata() for line in first.lines if len(line.get_xdata()) > 2]))
+    np.testing.assert_allclose(points, np.sort(100.0 * null.of_readings))
+    # The dose of a row is that of heating to its temperature: it rises all the time.
+    rows = hidden.rows
+    assert rows.dose is not None
+    for sonication in range(2):
+        mine = np.flatnonzero(rows.sonication == sonication)
+        assert np.all(np.diff(rows.dose[mine][np.argsort(rows.temperature[mine])]) >= 0.0)
+    assert np.max(rows.dose[rows.temperature < 43.0]) < 1.0 and np.max(rows.dose) > 240.0
