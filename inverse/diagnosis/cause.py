@@ -74,6 +74,7 @@ class Cause(eqx.Module):
         unit: Of the strength.
         sign: 1 if the strength cannot be negative, 0 if it may have either sign.
         plausible: Scale of strengths that one would believe; half-normal or normal prior.
+        largest: Strength, of either sign, beyond which there is no such effect or nothing is known of it.
         shapes: Values of a second parameter to screen, ascending; (0.0,) for a cause without one. A refit moves it
             between the first and the last.
         shape_means: What the second parameter is; empty for a cause without one.
@@ -90,6 +91,7 @@ class Cause(eqx.Module):
     sentence: ClassVar[str]
     helps: ClassVar[str]
     source: ClassVar[str]
+    largest: ClassVar[float] = float("inf")
     shapes: ClassVar[tuple[float, ...]] = (0.0,)
     shape_means: ClassVar[str] = ""
 

@@ -27,7 +27,7 @@ class ExtendedFit:
     Attributes:
         extensions: What was added, in the shapes that fit best.
         strengths: Their fitted strengths.
-        intervals: Of the strengths at `INTERVAL_LEVEL`; a strength that cannot be negative has none below 0. Where a
+        intervals: Of the strengths at `INTERVAL_LEVEL`, within what strengths can be. Where a
             cause has a shape, by the profile likelihood over it.
         constants: Of every sweep.
         residuals: Measured less predicted, weighted.
@@ -90,6 +90,8 @@ class Refit:
         self.white = WhiteResidual(problem, tuple(known.values()), noise)
         self._scales = strength_scales([extension.cause for extension in self.extensions])
         self._one_sided = np.array([extension.cause.sign > 0 for extension in self.extensions], dtype=bool)
+        largest = np.array([extension.cause.largest for extension in self.extensions], dtype=float) / self._scales
+        self._range = np.stack([np.where(self._one_sided, 0.0, -largest), largest], axis=-1)
         self._everything = np.ones(problem.rows, dtype=bool)
         self._all = jnp.ones(problem.weights.size)
         places, total = [list(known).index(extension.cause.name) for extension in self.extensions], len(known)
@@ -128,7 +130,7 @@ class Refit:
         return ExtendedFit(
             extensions=tuple(Extension(e.cause, shape) for e, shape in zip(self.extensions, shapes, strict=True)),
             strengths=unknowns[self._strengths] * self._scales,
-            intervals=np.where(self._one_sided[:, None], np.maximum(ends, 0.0), ends) * self._scales[:, None],
+            intervals=np.clip(ends, self._range[:, :1], self._range[:, 1:]) * self._scales[:, None],
             constants=np.asarray(_constants(self.white, jnp.asarray(unknowns))),
             residuals=self.plain(unknowns),
             directions=self._plain_slope(unknowns)[:, self._moved],
@@ -234,9 +236,8 @@ class Refit:
     def _solve(self, first, moved, used, tolerance=1e-10) -> tuple[Float[np.ndarray, " unknown"], bool, str]:
         """Least squares in the unknowns that are moved."""
         lower, upper = np.full(len(first), -_BEYOND), np.full(len(first), _BEYOND)
-        lower[self._strengths], upper[self._strengths] = -np.inf, np.inf
-        for strength, shape, extension in zip(self._strengths, self._shapes, self.extensions, strict=True):
-            lower[strength] = 0.0 if extension.cause.sign > 0 else -np.inf
+        lower[self._strengths], upper[self._strengths] = self._range.T
+        for shape, extension in zip(self._shapes, self.extensions, strict=True):
             lower[shape], upper[shape] = extension.cause.shapes[0], extension.cause.shapes[-1]
         mask = jnp.asarray(np.repeat(used.astype(float), self.problem.weights.shape[1]))
         kept: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}

@@ -13,6 +13,7 @@ class PowerLawRelaxation(DmaCause):
     unit = "1"
     sign = 1
     plausible = 0.5
+    largest = 0.95
     sentence = "Stress relaxes by a power law, over many decades of time, where the model has one relaxation time."
     helps = "The fractional model has it already; with the conventional one (--model zener) it is tested."
     source = "Kohandel et al. (2005), as cited by Suomi et al. (2016); scale assumed: order 0.5"

@@ -15,6 +15,7 @@ class Slip(DmaCause):
     unit = "1"
     sign = 1
     plausible = 0.3
+    largest = 0.95
     sentence = (
         "The sample slips in the grip as the force grows, which takes stiffness away and adds friction where the "
         "modulus is high."

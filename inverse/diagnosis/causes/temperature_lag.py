@@ -16,6 +16,7 @@ class TemperatureLag(DmaCause):
     unit = "1"
     sign = 1
     plausible = 0.3
+    largest = 1.0
     sentence = "The sample is still on its way from the temperature before when the sweep begins."
     helps = "Longer waiting before each sweep, or the sweep repeated at the same temperature."
     source = "First-order heating of the sample; scale assumed: a third of the step is still to go"

@@ -5,8 +5,6 @@ the displacement, and from that to what the instrument reports. A cause override
 To add one, copy a file of `inverse/diagnosis/hmi/causes` and put it into the library there.
 """
 
-from typing import ClassVar
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -86,13 +84,7 @@ def unchanged(count: int) -> TissueChange:
 
 
 class HmiCause(Cause):
-    """A named cause of misfit of a curve of displacement.
-
-    Attributes:
-        largest: Strength, of either sign, beyond which nothing is known of the effect.
-    """
-
-    largest: ClassVar[float] = float("inf")
+    """A named cause of misfit of a curve of displacement."""
 
     def model(self, model: Model, strength: Strength, shape: Strength) -> Model:
         """The model with its constants changed throughout."""

@@ -5,8 +5,11 @@ import pytest
 
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
-from inverse.diagnosis.cause import every_shape, predicted_modulus
+from inverse.diagnosis.cause import Extension, every_shape, predicted_modulus
+from inverse.diagnosis.causes.slip import Slip
 from inverse.diagnosis.dma_problem import dma_problem
+from inverse.diagnosis.extended_fit import fit_extended
+from inverse.diagnosis.noise import noise_family
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
 from tests.blind import dma_generator as blind
 
@@ -103,3 +106,21 @@ def test_power_law_is_in_the_fractional_model_and_not_in_the_conventional_one(me
     assert visibility(problem.directions(cause)[0].directions, problem.fitted_directions())[0] < 1e-6
     zener = dma_problem(measured, CONVENTIONAL)[0]
     assert visibility(zener.directions(cause)[0].directions, zener.fitted_directions())[0] > 0.1
+
+
+def test_a_strength_stays_within_what_it_can_be(tmp_path):
+    """Beyond the largest an order or a modulus would be negative; intervals end there, too."""
+    blind.write(tmp_path / "data.csv", tmp_path / "key.json", seed=blind.TEST_SEEDS + 5101, name="slip", d_prime=9.0)
+    problem, _ = dma_problem(read_dma(tmp_path / "data.csv"), FRACTIONAL)
+    noise = noise_family(problem.orderings(), problem.frequencies())[0]
+    free = fit_extended(problem, [Extension(Slip(), 0.0)], noise, np.array([0.1]))
+
+    class Little(Slip):
+        largest = 0.5 * float(free.strengths[0])
+
+    held = fit_extended(problem, [Extension(Little(), 0.0)], noise, np.array([2.0 * Little.largest]))
+    assert held.converged and held.strengths[0] == pytest.approx(Little.largest)
+    assert held.intervals[0, 1] == pytest.approx(Little.largest) and held.misfit > free.misfit
+    assert free.intervals[0, 1] < Slip.largest
+    solids = ("power-law-relaxation", "slip", "strain-nonlinearity", "temperature-lag")
+    assert all(cause.plausible < cause.largest <= 1.0 for cause in DMA_CAUSES if cause.name in solids)
