@@ -26,7 +26,7 @@ import numpy as np
 import arfjax as ax
 from benchmarks.diagnosis_docs import DMA_STUDY, write_docs
 from benchmarks.diagnosis_limits import dma_design, limits, removed_limits
-from benchmarks.diagnosis_record import arguments, recorded, stamp
+from benchmarks.diagnosis_record import FIRST_TEST_SEED, arguments, recorded, stamp
 from benchmarks.diagnosis_summary import summarise
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
@@ -131,7 +131,7 @@ def _strength(found: Examined, name: str, key: dict) -> dict:
 def _seed(place: int, number: int, development: bool) -> int:
     if development:
         return 200 + _DEVELOPMENT_SEEDS_A_CONDITION * place + number
-    return blind.TEST_SEEDS + 100_000 + _SEEDS_A_CONDITION * place + number
+    return FIRST_TEST_SEED + _SEEDS_A_CONDITION * place + number
 
 
 def planned(sets: int, development: bool) -> list[tuple[Condition, int]]:

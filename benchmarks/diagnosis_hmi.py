@@ -28,7 +28,7 @@ import numpy as np
 import arfjax as ax
 from benchmarks.diagnosis_docs import HMI_STUDY, write_docs
 from benchmarks.diagnosis_limits import Design, limits, projected_length
-from benchmarks.diagnosis_record import arguments, recorded, stamp
+from benchmarks.diagnosis_record import FIRST_TEST_SEED, arguments, recorded, stamp
 from benchmarks.diagnosis_summary import summarise
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.datasets.shipped import shipped
@@ -198,7 +198,7 @@ def one_set(condition: Condition, seed: int, bench: Bench | None = None) -> dict
 
 def planned(sets: int, development: bool) -> list[tuple[Condition, int]]:
     """Conditions and seeds, a round of all conditions after the other."""
-    first, each = (200, 100) if development else (blind.TEST_SEEDS + 100_000, 1000)
+    first, each = (200, 100) if development else (FIRST_TEST_SEED, 1000)
     return [
         (condition, first + each * place + number)
         for number in range(sets)

@@ -30,6 +30,7 @@ import arfjax as ax
 from benchmarks.diagnosis_docs import LINEAR_HMI_STUDY, write_docs
 from benchmarks.diagnosis_hmi import STRENGTHS, Bench, Condition, conditions, design, prepared_bench
 from benchmarks.diagnosis_limits import Design, limits, projected_length
+from benchmarks.diagnosis_record import FIRST_TEST_SEED
 from benchmarks.diagnosis_summary import summarise
 from benchmarks.spread import spread
 from inverse.diagnosis.decision import decide
@@ -41,7 +42,7 @@ SETS = {"known": 25, "null": 400, "unknown": 100, "removed": 10}
 DESIGNS = 3
 _AT_ONCE = 20
 _SEEDS_A_CONDITION = 400
-_FIRST_SEED = {False: blind.TEST_SEEDS + 100_000, True: 200}
+_FIRST_SEED = {False: FIRST_TEST_SEED, True: 200}
 
 
 def some_sets(designs: Sequence[Design], condition: Condition, seeds: Sequence[int]) -> list[dict[str, Any]]:

@@ -38,6 +38,8 @@ class NoiseGate:
         p_tails: That Gaussian noise has as heavy tails.
         repeats: Scatter of repeated measurements at the same frequency and sweep, in the unit of `size`; NaN without.
         repeats_freedom: Degrees of freedom of that scatter.
+        p_repeats: That noise which scatters repeats so leaves residuals as large: the classical test of lack of fit;
+            NaN without repeats.
     """
 
     kind: str
@@ -48,6 +50,7 @@ class NoiseGate:
     p_tails: float
     repeats: float
     repeats_freedom: int
+    p_repeats: float
 
     @property
     def as_thought(self) -> bool:
@@ -100,7 +103,17 @@ def noise_gate(
         p_tails=_upper(kurtosis),
         repeats=again.scatter,
         repeats_freedom=again.freedom,
+        p_repeats=_lack_of_fit(size, screen.freedom, again),
     )
+
+
+def _lack_of_fit(size: float, freedom: int, repeats: Repeats) -> float:
+    """p-value of F: what residuals have beyond the scatter of repeats, over that."""
+    rest = freedom - repeats.freedom
+    if repeats.freedom == 0 or rest <= 0:
+        return np.nan
+    beyond = (size**2 * freedom - repeats.scatter**2 * repeats.freedom) / rest
+    return float(stats.f.sf(beyond / repeats.scatter**2, rest, repeats.freedom))
 
 
 def _upper(values: Float[np.ndarray, " batch"]) -> float:

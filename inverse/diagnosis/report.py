@@ -177,7 +177,10 @@ def _noise(found: Diagnosis) -> list[str]:
         f"looks so with p = {gate.p_white:.2g}, Gaussian noise has such tails with p = {gate.p_tails:.2g}."
     ]
     if gate.repeats_freedom:
-        lines += [f"Repeated measurements scatter by {gate.repeats:.3g} ({gate.repeats_freedom} degrees of freedom)."]
+        lines += [
+            f"Repeated measurements scatter by {gate.repeats:.3g} ({gate.repeats_freedom} degrees of freedom); that "
+            f"noise leaves residuals as large with p = {gate.p_repeats:.2g} (lack of fit)."
+        ]
     if not gate.as_thought:
         lines += [
             "The tests above do not need white noise: its size, its course and its tails were fitted to these data."

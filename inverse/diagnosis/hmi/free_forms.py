@@ -14,7 +14,7 @@ _SAME = 0.25
 def hmi_free_forms(rows: HmiRows, log_predicted: Float[np.ndarray, " row"]) -> tuple[list[Alternative], list[Place]]:
     """Free forms, one for each place in which a simulated curve can be wrong.
 
-    The tissue: along temperature in all sonications alike, and after coagulation. The procedure: along time. The
+    The tissue: along temperature in all sonications alike. The procedure: along time. The
     instrument: along the displacement itself. One sonication in its own way, or all in theirs; and readings at one
     temperature.
 

@@ -1,0 +1,50 @@
+"""What is said of the noise, on lines through repeated readings."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from inverse.diagnosis.noise import noise_family, series
+from inverse.diagnosis.noise_gate import Repeats, noise_gate
+from inverse.diagnosis.screening import Screen
+
+PLACES, REPEATED = 12, 4
+AT = np.repeat(np.linspace(0.0, 1.0, PLACES), REPEATED)
+LINE = np.column_stack([np.ones(len(AT)), AT])
+FAMILY = noise_family((series("frequency", [0] * len(AT), AT),), 1.0 + 99.0 * AT, unit="Hz")
+
+
+def scatter_of(data):
+    groups = data.reshape(PLACES, REPEATED)
+    freedom = PLACES * (REPEATED - 1)
+    return Repeats(float(np.sqrt(np.sum((groups - groups.mean(axis=1)[:, None]) ** 2) / freedom)), freedom)
+
+
+def gate_of(data, repeats=None):
+    left = data - LINE @ np.linalg.lstsq(LINE, data)[0]
+    return noise_gate(Screen(LINE, (), FAMILY), left, np.random.default_rng(1), stated=False, repeats=repeats)
+
+
+@pytest.mark.parametrize("bend", [0.0, 2.0])
+def test_lack_of_fit_is_that_of_the_textbook(bend):
+    """Between means of repeats and the line, over the scatter of repeats: both counted apart from each other."""
+    data = 3.0 * AT + bend * np.cos(6.0 * AT) + np.random.default_rng(4).standard_normal(len(AT))
+    means = data.reshape(PLACES, REPEATED).mean(axis=1)
+    fit = (LINE @ np.linalg.lstsq(LINE, data)[0])[::REPEATED]
+    between, within = REPEATED * np.sum((means - fit) ** 2) / (PLACES - 2), scatter_of(data).scatter ** 2
+    found = gate_of(data, scatter_of(data))
+    assert found.p_repeats == pytest.approx(stats.f.sf(between / within, PLACES - 2, PLACES * (REPEATED - 1)))
+    assert found.p_repeats < 1e-4 if bend else found.p_repeats > 0.05
+
+
+def test_without_repeats_nothing_is_said_of_them():
+    found = gate_of(np.random.default_rng(5).standard_normal(len(AT)))
+    assert np.isnan(found.repeats) and np.isnan(found.p_repeats)
+
+
+def test_the_likeliest_kind_is_called_the_noise_only_where_white_noise_is_improbable():
+    rng = np.random.default_rng(6)
+    white = gate_of(rng.standard_normal(len(AT)))
+    assert white.as_thought and white.describe() == "nothing says that the noise is not white and of one size"
+    loud = gate_of(rng.standard_normal(len(AT)) * np.where(AT > 0.5, 4.0, 1.0))
+    assert not loud.as_thought and loud.describe().startswith("the noise is") and "Hz" in loud.describe()
