@@ -17,7 +17,8 @@ DURATION = 60.0
 class Scene:
     """One sonication as it was, arrays by reading.
 
-    `model` may be changed throughout; the factors apply in the state of each reading.
+    `model` may be changed throughout; the factors apply in the state of each reading, and so do what is added to the
+    liver's sound speed and what the lesion's edge lacks.
     """
 
     model: ax.Model
@@ -25,16 +26,24 @@ class Scene:
     time: np.ndarray
     temperature: np.ndarray
     rate: np.ndarray
+    dose: np.ndarray
     coagulated_at: float
     attenuation: np.ndarray
     liver: np.ndarray
     lesion: np.ndarray
     threshold: np.ndarray
     force: np.ndarray
+    faster: np.ndarray
+    rim: np.ndarray
 
     @property
     def passed(self) -> np.ndarray:
         return self.time / DURATION
+
+    @property
+    def rise(self) -> np.ndarray:
+        """Above the body's temperature."""
+        return self.temperature - 37.0
 
 
 Course = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -106,6 +115,55 @@ def _times(name: str, factor: Callable[[Scene, float], np.ndarray]):
     return applied
 
 
+def _added(name: str, amount: Callable[[Scene, float], np.ndarray]):
+    def applied(scene: Scene, s: float) -> None:
+        setattr(scene, name, getattr(scene, name) + amount(scene, s))
+
+    return applied
+
+
+def _divided_elsewhere(scene: Scene, s: float) -> None:
+    """The reading that all others are divided by was taken s kelvin warmer than it says."""
+    scene.temperature = np.append(scene.temperature[0] + s, scene.temperature[1:])
+
+
+def _refracted(c: Scene, s: float) -> np.ndarray:
+    """Sound is fastest at 68 degC: force falls with the square of what it has gained by then."""
+    to_go = (68.0 - c.temperature) / 33.0
+    return 1.0 - s * (1.0 - to_go**2) ** 2
+
+
+def _saturated(c: Scene, s: float) -> np.ndarray:
+    """Where 20 mm of liver let more through than in the beginning, a part s of what more would come is lost."""
+    at = [np.asarray(c.model.liver.attenuation.evaluate(np.asarray(t))) for t in (c.temperature, 35.0)]
+    more = at[0] - at[1]
+    return np.exp(s * 2.0 * 0.02 * more * c.model.drive.frequency / 1e6)
+
+
+def _echoed(c: Scene, s: float) -> np.ndarray:
+    """The wave that a boundary sends back comes with the lesion's shear speed, once there is one."""
+    modulus = c.model.lesion.viscoelasticity.branch_modulus
+    now, before = (np.asarray(modulus.evaluate(np.asarray(t))) for t in (c.temperature, 35.0))
+    grown = 1.0 / (1.0 + (240.0 / np.maximum(c.dose, 1e-3)) ** 4)
+    return 1.0 - s * grown * (np.sqrt(now / before) - 1.0)
+
+
+def _gives_way(part: str):
+    """A power law of order one half, to its first term, at the end of a push of half a millisecond."""
+
+    def factor(c: Scene, s: float) -> np.ndarray:
+        law = getattr(c.model, part).viscoelasticity.relaxation_time
+        tau = np.asarray(law.evaluate(np.asarray(c.temperature))) * np.ones(len(c.time))
+        return 1.0 / (1.0 + s * np.sqrt(4.0 * 0.5e-3 / (np.pi * tau)))
+
+    return factor
+
+
+def _fractional(scene: Scene, s: float) -> None:
+    scene.liver = scene.liver * _gives_way("liver")(scene, s)
+    scene.lesion = scene.lesion * _gives_way("lesion")(scene, s)
+
+
 TISSUE: dict[str, Callable[[Scene, float], None]] = {
     "perfusion": _model(lambda m: m.liver.perfusion_rate, _perfused),
     "conductivity-change": _model(lambda m: m.liver.conductivity, _conducting),
@@ -119,12 +177,22 @@ TISSUE: dict[str, Callable[[Scene, float], None]] = {
     "attenuation-kinetics": _times(
         "attenuation", lambda c, s: 1.0 + s * (1.0 - np.exp(-np.maximum(c.time - c.coagulated_at, 0.0) / 118.0))
     ),
+    "normalisation-temperature": _divided_elsewhere,
+    "thermal-lens": _times("force", _refracted),
+    "exponent-change": _times("attenuation", lambda c, s: (c.model.drive.frequency / 1e6) ** (s * c.rise / 43.0)),
+    "sound-speed-change": _added("faster", lambda c, s: s * c.rise / 43.0),
+    "lesion-rim": _added("rim", lambda c, s: np.full(len(c.time), s)),
+    "fractional-tissue": _fractional,
+    "acoustic-saturation": _times("force", _saturated),
+    "near-boundary": _times("force", _echoed),
 }
 """What departs from the laws of the tissue or of the sound."""
 
 TRACKING: dict[str, Callable[[np.ndarray, Scene, float], np.ndarray]] = {
     "thermal-decorrelation": lambda u, c, s: u * (1.0 - s * c.rate / 5.0),
     "echo-strain": lambda u, c, s: u + s * c.rate / 5.0,
+    "tracking-compression": lambda u, c, s: u - s * u**2,
+    "tracking-jitter": lambda u, c, s: np.hypot(u, np.sqrt(s)),
 }
 """What tracking makes of displacement relative to the first reading's."""
 

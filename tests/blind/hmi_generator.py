@@ -165,19 +165,22 @@ class Simulator:
         dose = np.asarray(heating.dose)[
             :, 0, int(np.argmin(np.abs(np.asarray(self.settings.heat_grid.z) - self.settings.focus)))
         ]
-        coagulated = np.interp(np.log(240.0), np.log(np.maximum(dose, 1e-30)), np.asarray(heating.time), right=np.inf)
-        ones = [np.ones(len(shown)) for _ in range(5)]
+        clock, minutes = np.asarray(heating.time), np.log(np.maximum(dose, 1e-30))
+        coagulated = np.interp(np.log(240.0), minutes, clock, right=np.inf)
+        factors, added = (np.full((count, len(shown)), value) for count, value in ((5, 1.0), (2, 0.0)))
         scene = Scene(
-            model, shown, time, np.interp(time, at[0], at[1]), np.interp(time, at[0], rate), float(coagulated), *ones
-        )
+            model, shown, time, np.interp(time, at[0], at[1]), np.interp(time, at[0], rate),
+            np.exp(np.interp(time, clock, minutes)), float(coagulated), *factors, *added,
+        )  # fmt: skip
         return scene, heating
 
     def _reading(self, scene: Scene, heating, i: int) -> float:
-        factors = [jnp.asarray(getattr(scene, n)[i]) for n in ("attenuation", "liver", "lesion", "threshold")]
+        names = ("attenuation", "liver", "lesion", "threshold", "faster", "rim")
+        factors = [jnp.asarray(getattr(scene, name)[i]) for name in names]
         moved = self._push(scene.model, jnp.asarray(scene.temperature[i]), heating, *factors)
         return float(scene.force[i] * moved)
 
-    def _displacement(self, model, temperature, heating, attenuation, liver, lesion, threshold):
+    def _displacement(self, model, temperature, heating, attenuation, liver, lesion, threshold, faster, rim):
         def scaled(law, factor):
             return ax.Scaled(law=law, factor=factor, unit=law.unit, source=law.source, valid_range=law.valid_range)
 
@@ -185,11 +188,21 @@ class Simulator:
             both = (scaled(law.relaxed_modulus, factor), scaled(law.branch_modulus, factor))
             return eqx.tree_at(lambda each: (each.relaxed_modulus, each.branch_modulus), law, both)
 
+        speed = model.liver.sound_speed
         model = eqx.tree_at(
-            lambda m: (m.liver.attenuation, m.liver.viscoelasticity, m.lesion.viscoelasticity, m.lesion.size.threshold),
+            lambda m: (
+                m.liver.attenuation,
+                m.liver.sound_speed,
+                m.liver.viscoelasticity,
+                m.lesion.viscoelasticity,
+                m.lesion.size.threshold,
+            ),
             model,
             (
                 scaled(model.liver.attenuation, attenuation),
+                ax.Shifted(
+                    law=speed, shift=faster, unit=speed.unit, source=speed.source, valid_range=speed.valid_range
+                ),
                 stiffer(model.liver.viscoelasticity, liver),
                 stiffer(model.lesion.viscoelasticity, lesion),
                 model.lesion.size.threshold * threshold,
@@ -199,6 +212,7 @@ class Simulator:
             return self._displacement_by_point(model, temperature, heating)
         size = lesion_at(model, heating, temperature, self.settings)
         share = lesion_share(model, heating, temperature, size, self.settings, self.settings.mesh)
+        share = share - rim * share * (1.0 - share)
         force = force_at(model, temperature, self.protocol, self.settings)
         return push(model, temperature, share, force, self.protocol, self.settings).at_focus(self.settings.focus)[-1]
 
@@ -263,7 +277,9 @@ FIRST_STRENGTH = {
     "thermocouple-lag": 0.1, "thermocouple-position": 0.02, "thermocouple-viscous-heating": 0.5, "perfusion": 0.2,
     "conductivity-change": 0.2, "damage-law": 0.25, "output-drift": 0.033, "cavitation": 0.04,
     "lesion-stiffness-law": 0.2, "pre-ablation-softening": 0.11, "attenuation-kinetics": 0.2,
-    "thermal-decorrelation": 0.015, "echo-strain": 0.025,
+    "thermal-decorrelation": 0.015, "echo-strain": 0.025, "normalisation-temperature": 0.5, "thermal-lens": 0.05,
+    "exponent-change": 0.05, "sound-speed-change": 5.0, "lesion-rim": 0.2, "fractional-tissue": 0.1,
+    "acoustic-saturation": 0.1, "near-boundary": 0.02, "tracking-compression": 0.1, "tracking-jitter": 0.1,
 }  # fmt: skip
 """For each d' and percent of noise, where the search for a strength starts."""
 ITERATIONS, CLOSE = 20, 0.03
