@@ -309,12 +309,24 @@ def strength_of(
     """
     plain, imitated = ruler.curves(z)[0], ruler.imitated(z)
     strength, length = first, np.nan
+    short: tuple[float, float] | None = None
+    long: tuple[float, float] | None = None
     for _ in range(ITERATIONS):
         length = _projected(imitated, change(plain, strength))
         if abs(length / d_prime - 1.0) < CLOSE:
             return strength
-        # Without a length there is no such tissue, or no effect.
-        strength *= float(np.clip(d_prime / length, 0.2, 5.0)) if np.isfinite(length) and length > 0.0 else 0.5
+        known = bool(np.isfinite(length)) and length > 0.0
+        if known and length < d_prime:
+            short = (strength, length)
+        elif known:
+            long = (strength, length)
+        if short and long:
+            # What constants imitate to first order grows with the square at least: by its logarithm, within bounds.
+            share = np.log(d_prime / short[1]) / np.log(long[1] / short[1])
+            strength = float(short[0] * (long[0] / short[0]) ** np.clip(share, 0.1, 0.9))
+        else:
+            # Without a length there is no such tissue, or no effect.
+            strength *= float(np.clip(d_prime / length, 0.2, 5.0)) if known else 0.5
     raise ValueError(f"no strength of {name} found with d' = {d_prime:g}: the last, {strength:g}, has {length:g}.")
 
 
