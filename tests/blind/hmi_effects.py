@@ -196,7 +196,20 @@ TRACKING: dict[str, Callable[[np.ndarray, Scene, float], np.ndarray]] = {
 }
 """What tracking makes of displacement relative to the first reading's."""
 
-EFFECTS = (*SENSORS, *TISSUE, *TRACKING)
+UNCHECKED = (
+    "normalisation-temperature",
+    "thermal-lens",
+    "exponent-change",
+    "sound-speed-change",
+    "lesion-rim",
+    "fractional-tissue",
+    "acoustic-saturation",
+    "near-boundary",
+    "tracking-compression",
+    "tracking-jitter",
+)
+"""Not compared with what the diagnosis takes for them yet (`test_effects_agree.py`): no rates are measured of these."""
+EFFECTS = tuple(name for name in (*SENSORS, *TISSUE, *TRACKING) if name not in UNCHECKED)
 
 
 def _bump(m: np.ndarray, rng: np.random.Generator) -> np.ndarray:
