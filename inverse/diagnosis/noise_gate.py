@@ -110,7 +110,7 @@ def noise_gate(
 def _lack_of_fit(size: float, freedom: int, repeats: Repeats) -> float:
     """p-value of F: what residuals have beyond the scatter of repeats, over that."""
     rest = freedom - repeats.freedom
-    if repeats.freedom == 0 or rest <= 0:
+    if repeats.freedom == 0 or rest <= 0 or repeats.scatter == 0.0:  # the same reading twice is no repeat
         return np.nan
     beyond = (size**2 * freedom - repeats.scatter**2 * repeats.freedom) / rest
     return float(stats.f.sf(beyond / repeats.scatter**2, rest, repeats.freedom))

@@ -40,6 +40,7 @@ def test_lack_of_fit_is_that_of_the_textbook(bend):
 def test_without_repeats_nothing_is_said_of_them():
     found = gate_of(np.random.default_rng(5).standard_normal(len(AT)))
     assert np.isnan(found.repeats) and np.isnan(found.p_repeats)
+    assert np.isnan(gate_of(np.random.default_rng(5).standard_normal(len(AT)), Repeats(0.0, 3)).p_repeats)
 
 
 def test_the_likeliest_kind_is_called_the_noise_only_where_white_noise_is_improbable():
