@@ -91,7 +91,7 @@ def _line(axis: Axes, seen: _Seen, position, values) -> None:
     for number in range(len(seen.labels)):
         mine = np.flatnonzero(seen.series == number)
         mine = mine[np.argsort(position[mine], kind="stable")]
-        if np.ptp(position[mine]) > 1e-3 * np.ptp(position):  # else all of it would be upon one another
+        if np.ptp(position[mine]) > 0.02 * np.ptp(position):  # else all of it would be upon one another
             axis.plot(position[mine], values[mine], "-", lw=0.9, color=f"C{number % 10}")
 
 
