@@ -1,7 +1,7 @@
 """From an examined data set to the answer, whatever was measured."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -48,8 +48,8 @@ class Account(Protocol):
         """Whether the data give standard deviations."""
         ...
 
-    def facts(self) -> list[str]:
-        """What one looks at first, as measured and as the model has it: lines of Markdown."""
+    def facts(self, with_causes: Mapping[str, Any]) -> list[str]:
+        """What one looks at first, as measured and as the model has it, without causes and with each of some."""
         ...
 
     def describe(self, place: Absorbed) -> str:
@@ -78,6 +78,7 @@ class CauseReport:
             `unexplained`, or the refit did not converge), `ruled out` (what it leaves is conspicuous), or `not needed`.
         left: p-value of what the model with this cause leaves, where it was put in.
         converged: Whether the refit did; True where there was none.
+        refit: That, with a second cause in it where two are named together; None where there was none.
     """
 
     cause: Cause
@@ -91,6 +92,7 @@ class CauseReport:
     status: str
     left: float | None
     converged: bool
+    refit: FullFit | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,6 +146,12 @@ class Diagnosis:
     def confusable(self) -> tuple[tuple[str, ...], ...]:
         """Sets of causes that these data cannot tell apart."""
         return (self.decision.confusable,) if self.decision is not None and self.decision.confusable else ()
+
+    @property
+    def in_question(self) -> dict[str, FullFit]:
+        """Refits with a cause that is not ruled out, by name, in rank order."""
+        kept = [one for one in self.causes if one.status in ("named", "confusable", "possible") and one.converged]
+        return {one.cause.name: one.refit for one in kept if one.refit is not None}
 
 
 def failed(account: Account, problem: Any, residuals, audit: Sequence[str], *, level: float, seed: int) -> Diagnosis:
@@ -301,6 +309,7 @@ def _report(examined: Examined, decision: Decision, extended: FullFit | None, na
         status=_status(name, decision),
         left=decision.candidates.get(name),
         converged=converged,
+        refit=refit,
     )
 
 

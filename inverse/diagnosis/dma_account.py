@@ -1,6 +1,7 @@
 """What a report says of a dynamic mechanical analysis and of the solids behind it."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float
@@ -41,8 +42,9 @@ class DmaAccount:
         """Whether the data give standard deviations."""
         return self.problem.stated_deviations
 
-    def facts(self) -> list[str]:
+    def facts(self, with_causes: Mapping[str, ExtendedFit]) -> list[str]:
         """Nothing: a sweep has no features that everybody looks at."""
+        del with_causes
         return []
 
     def describe(self, place: Absorbed) -> str:

@@ -78,7 +78,7 @@ def report(found: Diagnosis, name: str, figures: list[str]) -> str:
             "",
         ]
     lines += [f"- {note}" for note in found.account.notes]
-    lines += ["", *found.account.facts(), *(f"![{figure}]({figure})" for figure in figures), ""]
+    lines += ["", *found.account.facts(found.in_question), *(f"![{figure}]({figure})" for figure in figures), ""]
     lines += _named(found) + _table(found) + _where(found) + _noise(found) + _hidden(found)
     if found.audit:
         lines += ["## What the fits say about themselves", "", *(f"- {remark}" for remark in found.audit), ""]

@@ -1,11 +1,13 @@
 """What a report says of curves of displacement and of the simulation behind them."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from inverse.diagnosis.hmi.features import Curve, mismatches
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.where import Absorbed
@@ -47,18 +49,31 @@ class HmiAccount:
         """Whether the data give standard deviations."""
         return self.problem.rows.deviation is not None
 
-    def facts(self) -> list[str]:
-        """Dip, peak and end of every curve as measured and as simulated at the same readings: lines of Markdown."""
-        rows, simulated = self.problem.rows, self.problem.rows.log_displacement
-        simulated = simulated - self.null.of_readings / self.problem.weights
+    def facts(self, with_causes: Mapping[str, HmiFit]) -> list[str]:
+        """Dip, peak and end of every curve, as measured, as simulated at the same readings, and with causes."""
+        rows = self.problem.rows
+        measured, simulated = self._curves(rows.log_displacement), self._simulated(self.null)
+        others = {name: self._simulated(fit) for name, fit in with_causes.items()}
         lines = ["| sonication | | dip | peak | end |", "| --- | --- | ---: | ---: | ---: |"]
+        kinds = {"measured": measured, "simulated": simulated, **{f"with {name}": one for name, one in others.items()}}
+        for number, label in enumerate(rows.labels):
+            lines += [f"| {label} | {kind} | {curves[number].cells()} |" for kind, curves in kinds.items()]
+        best = min((self.null, *with_causes.values()), key=lambda fit: fit.misfit)
+        size = float(np.sqrt(np.sum(best.residuals**2) / best.freedom) / np.median(self.problem.weights))
+        sentences = mismatches(measured, simulated, others, size=size)
+        return ["In percent of the coldest reading, and where:", "", *lines, "", *(f"- {one}" for one in sentences), ""]
+
+    def _simulated(self, fit: HmiFit) -> list[Curve]:
+        return self._curves(self.problem.rows.log_displacement - fit.of_readings / self.problem.weights)
+
+    def _curves(self, log_displacement: Float[np.ndarray, " row"]) -> list[Curve]:
+        rows, curves = self.problem.rows, []
         for number, label in enumerate(rows.labels):
             mine = np.flatnonzero(rows.sonication == number)
             mine = mine[np.argsort(rows.temperature[mine], kind="stable")]
-            for kind, values in (("measured", rows.log_displacement), ("simulated", simulated)):
-                percent = 100.0 * np.exp(values[mine] - values[mine[0]])
-                lines.append(f"| {label} | {kind} | {' | '.join(curve_features(percent, rows.temperature[mine]))} |")
-        return ["In percent of the coldest reading, and where:", "", *lines, ""]
+            percent = 100.0 * np.exp(log_displacement[mine] - log_displacement[mine[0]])
+            curves.append(Curve(label, rows.temperature[mine], percent))
+        return curves
 
     def describe(self, place: Absorbed) -> str:
         """Where the correction is largest, its sign and its size, and from where on it is there."""
@@ -89,24 +104,3 @@ class HmiAccount:
         return lines + [
             f"| {name} | {b:.4g} | {a:.4g} |" for name, b, a in zip(parameters.names, before, after, strict=True)
         ]
-
-
-def curve_features(percent: Float[np.ndarray, " n"], temperature: Float[np.ndarray, " n"]) -> list[str]:
-    """A dip, the peak after it, and the last reading: value and temperature.
-
-    Dip and peak are the two readings, in this order, between which the curve rises most, be it by noise; one that
-    starts at its dip has none, and one that never rises has neither.
-    """
-    rise = percent[None, :] - percent[:, None]
-    rise[np.tril_indices(len(percent))] = -np.inf
-    dip, peak = np.unravel_index(int(np.argmax(rise)), rise.shape)
-
-    def written(row: int) -> str:
-        return f"{percent[row]:.0f} at {temperature[row]:.0f} degC"
-
-    rises = rise[dip, peak] > 0.0
-    return [
-        written(int(dip)) if rises and dip > 0 else "none",
-        written(int(peak)) if rises else "none",
-        written(len(percent) - 1),
-    ]

@@ -1,25 +1,50 @@
-"""What a report says of a curve: early dip, peak after it, end."""
+"""What a report says of a curve: early dip, peak after it, end, and which cause mends what the simulation has wrong."""
 
 import numpy as np
 import pytest
 
-from inverse.diagnosis.hmi.account import curve_features
+from inverse.diagnosis.hmi.features import Curve, mismatches
 
 TEMPERATURE = np.array([37.0, 45.0, 59.0, 70.0, 84.0])
 
 
+def curve(percent):
+    return Curve("3", TEMPERATURE, np.array(percent))
+
+
 @pytest.mark.parametrize(
-    ("percent", "features"),
+    ("percent", "cells"),
     [
         # The third sonication of Suomi et al. 2016: the first reading is as high as the peak.
-        ([100.0, 96.0, 100.0, 85.0, 65.0], ["96 at 45 degC", "100 at 59 degC", "65 at 84 degC"]),
+        ([100.0, 96.0, 100.0, 85.0, 65.0], "96 at 45 degC | 100 at 59 degC | 65 at 84 degC"),
         # The first: still above its start in the end.
-        ([100.0, 99.0, 104.0, 110.0, 96.0], ["99 at 45 degC", "110 at 70 degC", "96 at 84 degC"]),
+        ([100.0, 99.0, 104.0, 110.0, 96.0], "99 at 45 degC | 110 at 70 degC | 96 at 84 degC"),
         # No dip: it rises from the start.
-        ([100.0, 102.0, 105.0, 85.0, 65.0], ["none", "105 at 59 degC", "65 at 84 degC"]),
+        ([100.0, 102.0, 105.0, 85.0, 65.0], "none | 105 at 59 degC | 65 at 84 degC"),
         # Neither.
-        ([100.0, 99.0, 96.0, 85.0, 65.0], ["none", "none", "65 at 84 degC"]),
+        ([100.0, 99.0, 96.0, 85.0, 65.0], "none | none | 65 at 84 degC"),
     ],
 )
-def test_features_of_a_curve(percent, features):
-    assert curve_features(np.array(percent), TEMPERATURE) == features
+def test_features_of_a_curve(percent, cells):
+    assert curve(percent).cells() == cells
+
+
+def test_a_mismatch_is_told_with_what_mends_half_of_it():
+    measured, simulated = curve([100.0, 96.0, 110.0, 85.0, 65.0]), curve([100.0, 95.0, 100.0, 80.0, 49.0])
+    causes = {
+        "this": [curve([100.0, 96.0, 105.5, 85.0, 56.9])],  # of the peak more than half, of the end just less
+        "that": [curve([100.0, 96.0, 101.0, 70.0, 57.1])],  # the other way round
+    }
+    told = mismatches([measured], [simulated], causes, size=0.01)
+    assert told == [
+        "Sonication 3, peak: 110 at 59 degC measured, 100 simulated; half of it or more is mended by this (106).",
+        "Sonication 3, end: 65 at 84 degC measured, 49 simulated; half of it or more is mended by that (57).",
+        "Not to be told from scatter, a difference of 2.8 points: the dip of 3.",
+    ]
+
+
+def test_what_no_cause_mends_and_what_noise_hides_are_said_so():
+    measured, simulated = curve([100.0, 96.0, 110.0, 85.0, 65.0]), curve([100.0, 95.0, 100.0, 80.0, 49.0])
+    (end, hidden) = mismatches([measured], [simulated], {}, size=0.05)
+    assert end.endswith("49 simulated; mended by none in question.")
+    assert hidden == "Not to be told from scatter, a difference of 14 points: the dip of 3, the peak of 3."

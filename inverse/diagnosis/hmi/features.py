@@ -1,0 +1,88 @@
+"""What one looks at first in a curve of displacement: its early dip, the peak after it, where it ends."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+_DEVIATIONS = 2.0
+"""Of the difference of two readings: from where on one that the simulation does not have is a mismatch."""
+_TAKEN_AWAY = 0.5
+"""Part of a mismatch that a cause has to take away to be said to."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Curve:
+    """One sonication, its readings by temperature.
+
+    Attributes:
+        label: Of the sonication.
+        temperature: [degC].
+        percent: Displacement, of the coldest reading's.
+    """
+
+    label: str
+    temperature: Float[np.ndarray, " n"]
+    percent: Float[np.ndarray, " n"]
+
+    @property
+    def features(self) -> dict[str, int]:
+        """Readings of the dip, of the peak after it and of the end, by name.
+
+        Dip and peak are the two readings, in this order, between which the curve rises most, be it by noise; one that
+        starts at its dip has none, and one that never rises has neither.
+        """
+        rise = self.percent[None, :] - self.percent[:, None]
+        rise[np.tril_indices(len(self.percent))] = -np.inf
+        dip, peak = (int(row) for row in np.unravel_index(int(np.argmax(rise)), rise.shape))
+        found = {"dip": dip, "peak": peak} if rise[dip, peak] > 0.0 else {}
+        return {name: row for name, row in found.items() if row > 0} | {"end": len(self.percent) - 1}
+
+    def at(self, row: int) -> str:
+        """A reading in words."""
+        return f"{self.percent[row]:.0f} at {self.temperature[row]:.0f} degC"
+
+    def cells(self) -> str:
+        """Dip, peak and end, of a table."""
+        found = self.features
+        return " | ".join(self.at(found[name]) if name in found else "none" for name in ("dip", "peak", "end"))
+
+
+def mismatches(
+    measured: Sequence[Curve],
+    simulated: Sequence[Curve],
+    with_causes: Mapping[str, Sequence[Curve]],
+    *,
+    size: float,
+) -> list[str]:
+    """Dip, peak and end of every curve as measured, where the simulation is elsewhere, and what mends each: sentences.
+
+    Args:
+        measured: Every sonication.
+        simulated: The same without causes.
+        with_causes: The same with each cause that is not ruled out, refitted.
+        size: Relative standard deviation of a reading.
+    """
+    threshold = _DEVIATIONS * np.sqrt(2.0) * 100.0 * size
+    sentences, within = [], []
+    for number, (target, plain) in enumerate(zip(measured, simulated, strict=True)):
+        for name, row in target.features.items():
+            gap = abs(target.percent[row] - plain.percent[row])
+            if gap <= threshold:
+                within.append(f"the {name} of {target.label}")
+                continue
+            others = {cause: curves[number].percent[row] for cause, curves in with_causes.items()}
+            mending = [
+                f"{cause} ({value:.0f})"
+                for cause, value in others.items()
+                if abs(value - target.percent[row]) <= _TAKEN_AWAY * gap
+            ]
+            by = f"half of it or more is mended by {', '.join(mending)}" if mending else "mended by none in question"
+            sentences.append(
+                f"Sonication {target.label}, {name}: {target.at(row)} measured, {plain.percent[row]:.0f} simulated; "
+                f"{by}."
+            )
+    if within:
+        sentences.append(f"Not to be told from scatter, a difference of {threshold:.2g} points: {', '.join(within)}.")
+    return sentences
