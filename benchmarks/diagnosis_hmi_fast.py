@@ -41,7 +41,6 @@ SETS = {"known": 25, "null": 400, "unknown": 100, "removed": 10}
 """Of each condition."""
 DESIGNS = 3
 _AT_ONCE = 20
-_SEEDS_A_CONDITION = 400
 _FIRST_SEED = {False: FIRST_TEST_SEED, True: 200}
 
 
@@ -94,11 +93,11 @@ def planned(share: float, development: bool) -> list[tuple[Condition, range]]:
     """
     if not 0.0 < share <= 1.0:
         raise ValueError(f"the share of all data sets must be above 0 and at most 1, got {share}.")
-    todo = []
-    for place, condition in enumerate(conditions()):
-        first = _FIRST_SEED[development] + _SEEDS_A_CONDITION * place
+    todo, first = [], _FIRST_SEED[development]
+    for condition in conditions():
         end = first + max(round(share * SETS[condition.part]), 1)
         todo += [(condition, range(seed, min(seed + _AT_ONCE, end))) for seed in range(first, end, _AT_ONCE)]
+        first += SETS[condition.part]
     return todo
 
 

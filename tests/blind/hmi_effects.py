@@ -196,20 +196,17 @@ TRACKING: dict[str, Callable[[np.ndarray, Scene, float], np.ndarray]] = {
 }
 """What tracking makes of displacement relative to the first reading's."""
 
-UNCHECKED = (
-    "normalisation-temperature",
+UNSEEN = (
     "thermal-lens",
     "exponent-change",
     "sound-speed-change",
-    "lesion-rim",
     "fractional-tissue",
+    "lesion-rim",
     "acoustic-saturation",
-    "near-boundary",
-    "tracking-compression",
-    "tracking-jitter",
 )
-"""Not compared with what the diagnosis takes for them yet (`test_effects_agree.py`): no rates are measured of these."""
-EFFECTS = tuple(name for name in (*SENSORS, *TISSUE, *TRACKING) if name not in UNCHECKED)
+"""What this design does not show, for one of two tissues at least, at strengths that there can be: the fitted constants
+imitate it. No rates are measured of these."""
+EFFECTS = tuple(name for name in (*SENSORS, *TISSUE, *TRACKING) if name not in UNSEEN)
 
 
 def _bump(m: np.ndarray, rng: np.random.Generator) -> np.ndarray:

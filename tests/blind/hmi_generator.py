@@ -33,7 +33,7 @@ from arfjax.protocols.probing import ShortPush, on_axis_at
 from arfjax.protocols.sonication import sonication_field
 from arfjax.protocols.stepwise import force_at, lesion_at, lesion_share, push, simulate_heating
 from arfjax.protocols.transient import TissueState, solid_of
-from tests.blind.hmi_effects import DURATION, EFFECTS, REACH, SENSORS, TISSUE, TRACKING, UNCHECKED, UNKNOWN, Scene
+from tests.blind.hmi_effects import DURATION, EFFECTS, REACH, SENSORS, TISSUE, TRACKING, UNKNOWN, UNSEEN, Scene
 
 TEST_SEEDS = 20_000
 NOISE = 0.01
@@ -384,7 +384,7 @@ def write(
         strength = strength_of(
             ruler, z, lambda plain, s: (ruler.curves(z, name, s)[0] - plain) / size, d_prime, name, first
         )
-    logarithm, time = fine.curves(z, name if name in (*EFFECTS, *UNCHECKED) else "none", strength)
+    logarithm, time = fine.curves(z, name if name in (*EFFECTS, *UNSEEN) else "none", strength)
     read = np.exp(logarithm + added + size * draw_noise(noise, shown, rng))
     first = np.concatenate([[True], np.diff(_groups()) > 0])
     percent = 100.0 * read / read[first][_groups()]

@@ -30,6 +30,13 @@ STRENGTHS = {
     "conductivity-change": 0.3,
     "damage-law": 0.5,
     "attenuation-kinetics": 0.3,
+    "normalisation-temperature": 1.0,
+    "thermal-lens": 0.5,
+    "lesion-rim": 0.8,
+    "acoustic-saturation": 4.4,
+    "near-boundary": 0.03,
+    "tracking-compression": 0.3,
+    "tracking-jitter": 0.3,
 }
 """Of d' 1 to 5."""
 CONSTANTS = np.array([0.5, -0.3, 0.2, 0.4, -0.5, 0.3, -0.4, 0.2, 0.5])
