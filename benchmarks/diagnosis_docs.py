@@ -188,6 +188,12 @@ def _fates(axis: Axes, summary: dict[str, Any]) -> None:
     axis.legend(loc="upper center", bbox_to_anchor=(0.4, -0.07), ncols=4, frameon=False, fontsize=9, columnspacing=1.0)
 
 
+def _without_data(summary: dict[str, Any]) -> list[str]:
+    """How many data sets could not be made."""
+    count = summary.get("no such data", 0)
+    return [f"{count} more could not be made: in their tissue no strength has the wanted d'.", ""] if count else []
+
+
 def page(summary: dict[str, Any], study: Study) -> str:
     """The page."""
     return "\n".join(
@@ -208,6 +214,7 @@ def page(summary: dict[str, Any], study: Study) -> str:
             *_nothing(summary),
             *_strange(summary, study),
             *_left(summary["removed limit"]),
+            *_without_data(summary),
             "What these rates rest on, and their limits:",
             "",
             f"- A true cause is called `unexplained` with the probability of that test's level at most, "

@@ -29,7 +29,7 @@ import arfjax as ax
 from benchmarks.diagnosis_docs import HMI_STUDY, write_docs
 from benchmarks.diagnosis_limits import Design, limits, projected_length
 from benchmarks.diagnosis_record import FIRST_TEST_SEED, arguments, recorded, stamp
-from benchmarks.diagnosis_summary import summarise
+from benchmarks.diagnosis_summary import NO_DATA, summarise
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.datasets.shipped import shipped
 from inverse.diagnosis import HMI_CAUSES, Diagnosis, diagnose_hmi
@@ -164,7 +164,10 @@ def _truth(looked_for: list[Alternative], name: str, null: HmiFit) -> np.ndarray
 def one_set(condition: Condition, seed: int, bench: Bench | None = None) -> dict:
     """What the diagnosis says of one data set, as a line of the record; by this process's bench if none is given."""
     bench = prepared_bench() if bench is None else bench
-    data, hidden = measured(bench, condition, seed)
+    try:
+        data, hidden = measured(bench, condition, seed)
+    except ValueError as impossible:
+        return dataclasses.asdict(condition) | {"seed": seed, "verdict": NO_DATA, "why": str(impossible)}
     begun = time.perf_counter()
     found = diagnosed(bench, data, seed, removed=condition.name if condition.part == "removed" else "")
     line = dataclasses.asdict(condition) | {

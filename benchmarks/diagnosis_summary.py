@@ -11,6 +11,9 @@ DETECTED = ("named", "confusable", "unexplained")
 """Verdicts that say that the simulation is wrong: of noise alone each is a false alarm. That the noise is another than
 one thought (`noise-model`) is none of them."""
 
+NO_DATA = "no data"
+"""In place of a verdict: in this tissue no strength has the wanted d'."""
+
 
 def rate(happened: Sequence[bool]) -> Rate:
     """Share, its standard error (of Wilson's interval, which has a width at 0 and 1, too), and of how many."""
@@ -34,6 +37,7 @@ def summarise(
         limit: From `limits`; empty where there are none.
         removed: From `removed_limits`.
     """
+    every, lines = lines, [line for line in lines if line["verdict"] != NO_DATA]
     known = _grouped((line for line in lines if line["part"] == "known"), lambda line: f"{line['d_prime']:g}")
     return {
         "known": {
@@ -54,6 +58,7 @@ def summarise(
         **{part: _strange([line for line in lines if line["part"] == part]) for part in ("unknown", "removed")},
         "removed limit": removed or {},
         "data sets": len(lines),
+        "no such data": len(every) - len(lines),
         "seconds a set": float(np.median([line["seconds"] for line in lines])) if lines else float("nan"),
     }
 

@@ -198,6 +198,17 @@ def test_linear_sets_are_planned_with_seeds_of_their_own():
         diagnosis_hmi_fast.planned(1.5, True)
 
 
+def test_data_that_cannot_be_made_count_in_no_rate(monkeypatch):
+    def impossible(*_, **__):
+        raise ValueError("no strength of perfusion found with d' = 9")
+
+    monkeypatch.setattr(diagnosis_hmi, "measured", impossible)
+    line = diagnosis_hmi.one_set(diagnosis_hmi.Condition("removed", "perfusion", 9.0), 5, bench=object())
+    assert line["seed"] == 5 and "no strength" in line["why"]
+    summary = summarise([line], {})
+    assert summary["data sets"] == 0 and summary["no such data"] == 1 and summary["removed"] == {}
+
+
 def test_error_of_a_rate_is_that_of_wilson():
     assert rate([True] * 30 + [False] * 70)["error"] == pytest.approx(np.sqrt(0.3 * 0.7 / 100), rel=0.02)
     assert 0.0 < rate([True] * 20)["error"] < 0.05 and rate([])["sets"] == 0
