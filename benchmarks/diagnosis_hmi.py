@@ -98,7 +98,7 @@ def prepared_bench() -> Bench:
 
 def _prepare(folder: Path) -> Bench:
     described = ax.read_experiment(shipped("suomi2016_experiment"))
-    fine = blind.Simulator(described, 1.5, 187)
+    fine = blind.Simulator(described)
     blind.write(folder / "any.csv", folder / "any.json", fine=fine, ruler=fine, seed=1)
     data, settings = read_hmi(folder / "any.csv"), inference_settings(described, "suomi2016_experiment")
     prepared = prepare_hmi(described, settings, data)

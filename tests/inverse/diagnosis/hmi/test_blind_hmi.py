@@ -44,7 +44,7 @@ def by_point(bench):
     Their curves differ by up to four percent from those of uniformly warm Zener solids. With one percent of noise that
     is found wrong, and rightly so; with three it should be lost in it but for what is hidden.
     """
-    return dataclasses.replace(bench, fine=blind.Simulator(bench.described, 1.5, 187, order=0.8))
+    return dataclasses.replace(bench, fine=blind.Simulator(bench.described, order=0.8))
 
 
 def test_cause_is_found_in_tissue_that_is_not_as_simple_as_the_simulation(by_point):
