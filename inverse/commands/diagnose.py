@@ -8,7 +8,7 @@ import jax
 import typer
 
 from arfjax import InputError, read_experiment
-from inverse.commands.console import show_lines, show_table, working
+from inverse.commands.console import show_lines, show_table, staged_bar
 from inverse.commands.output import output_directory, sha256, write_summary
 from inverse.datasets.dma import read_dma
 from inverse.datasets.hmi import read_hmi
@@ -16,6 +16,28 @@ from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES, Diagnosis
 from inverse.diagnosis.cause import Cause
 from inverse.diagnosis.diagnose import Diagnosed, diagnose, find_causes
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
+
+STAGES = {
+    "dma": {
+        "fitting": 1.0,
+        "testing all causes": 2.0,
+        "refitting with": 1.0,
+        "measuring the gain": 4.0,
+        "refitting what else": 2.0,
+    },
+    "hmi": {
+        "fast simulation: draws": 15.0,
+        "fast simulation: pushes": 70.0,
+        "fast simulation: points": 10.0,
+        "fitting": 15.0,
+        "full simulation": 60.0,
+        "testing all causes": 120.0,
+        "refitting with": 30.0,
+        "measuring the gain": 60.0,
+        "refitting what else": 60.0,
+    },
+}
+"""About how many seconds each step of a diagnosis takes, for its bar."""
 
 
 class NullModel(enum.StrEnum):
@@ -61,7 +83,7 @@ def diagnose_command(
     found: dict[str, Diagnosed] = {}
     with output_directory(out) as folder:
         for kind, file in parts.items():
-            with working(f"diagnosing {kind}") as show:
+            with staged_bar(f"diagnosing {kind}", STAGES[kind]) as show:
                 try:
                     found[kind] = diagnose(
                         dma if kind == "dma" else None,
