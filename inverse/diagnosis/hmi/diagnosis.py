@@ -114,23 +114,25 @@ def diagnose_curves(
     """
     on_step("fitting")
     null, size, audit = _fitted(problem, corrected, seed, on_step)
-    problem, account = null.problem, HmiAccount(null.problem, null)
+    problem = null.problem
     if not null.converged:
         remark = f"the fit without causes: {null.status}."
-        return failed(account, problem, null.of_readings, [remark, *audit], level=level, seed=seed)
+        return failed(HmiAccount(problem, null), problem, null.of_readings, [remark, *audit], level=level, seed=seed)
     on_step("testing all causes")
     rng = np.random.default_rng(seed)
     examined = examine_hmi(causes, null, rng, size=size, corrected=corrected, level=level, replicates=replicates)
+    assert isinstance(examined.fit, Refits)
+    # In the kind of noise that the tests go by, as refits with causes are.
+    account = HmiAccount(examined.fit.null.problem, examined.fit.null)
 
     def worth(extended: FullFit, noise: Noise) -> Gain | None:
         assert isinstance(extended, HmiFit)
-        return held_out_gain_hmi(noise, size=size, null=null, extended=extended)
+        return held_out_gain_hmi(noise, size=size, null=account.null, extended=extended)
 
     found = conclude(
-        examined, account, problem, rng, audit=audit, axes=_axes(problem), repeats=None,
+        examined, account, account.problem, rng, audit=audit, axes=_axes(problem), repeats=None,
         gain=worth if gain else None, level=level, seed=seed, replicates=replicates, on_step=on_step,
     )  # fmt: skip
-    assert isinstance(examined.fit, Refits)
     return dataclasses.replace(found, audit=(*found.audit, *examined.fit.remarks()))
 
 

@@ -80,7 +80,11 @@ def examine_hmi(
 
 
 class Refits:
-    """Fits of the full simulation with causes in it, each done once; in other noise from where it came out."""
+    """Fits of the full simulation with causes in it, each done once; in other noise from where it came out.
+
+    Attributes:
+        null: The fit without causes, in the likeliest kind of noise.
+    """
 
     def __init__(
         self,
@@ -101,7 +105,7 @@ class Refits:
             starts: Rough fits of causes, beside the fit without any.
         """
         self._starts = tuple(fit for fit in starts if np.isfinite(fit.misfit))
-        self._null, self._family = null, tuple(family)
+        self.null, self._family = null, tuple(family)
         self._size, self._corrected = size, corrected
         self._near: dict[tuple[str, ...], HmiFit] = {}
         self._done: dict[tuple[tuple[str, ...], int, bool], HmiFit] = {}
@@ -123,7 +127,7 @@ class Refits:
         return self._done[names, member, profile]
 
     def _first(self, extensions, noise, start) -> HmiFit:
-        problem, unknowns = self._null.problem, self._null.unknowns
+        problem, unknowns = self.null.problem, self.null.unknowns
         if len(extensions) == 1 and (rough := self._rough(extensions[0], start[0])) is not None:
             unknowns, start = rough.unknowns, np.array([rough.strength])
             if self._corrected:
@@ -161,7 +165,7 @@ class Refits:
         ]
         ends = [(names, fit.remarks) for (names, _, profile), fit in self._done.items() if profile]
         return (
-            *self._null.remarks,
+            *self.null.remarks,
             *unsettled,
             *(f"{' and '.join(names)}: {one}" for names, remarks in ends for one in remarks),
         )
