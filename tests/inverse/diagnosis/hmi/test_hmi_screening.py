@@ -213,3 +213,19 @@ def test_what_is_left_of_curves_is_drawn_against_temperature_time_dose_and_sonic
         mine = np.flatnonzero(rows.sonication == sonication)
         assert np.all(np.diff(rows.dose[mine][np.argsort(rows.temperature[mine])]) >= 0.0)
     assert np.max(rows.dose[rows.temperature < 43.0]) < 1.0 and np.max(rows.dose) > 240.0
+
+
+def test_report_of_correlated_noise_is_of_the_fit_in_that_noise(problem):
+    """Refits with causes are weighed with it: beside them, the fit in white noise is another kind of fit."""
+    hidden, _ = measured_with(problem, "", 0.0)
+    noise, rng = np.zeros(len(hidden.rows)), np.random.default_rng(3)
+    for i in range(1, len(noise)):
+        noise[i] = (0.9 * noise[i - 1] if i != len(noise) // 2 else 0.0) + 0.02 * rng.standard_normal()
+    rows = dataclasses.replace(hidden.rows, log_displacement=hidden.rows.log_displacement + noise)
+    found = diagnose_curves(dataclasses.replace(hidden, rows=rows), corrected=False, causes=(named(DRIFT),), gain=False)
+    white_fit = fit_hmi(found.problem, (), white(found.problem), size=noise_size(found.account.null))
+    np.testing.assert_array_equal(found.account.null.residuals, found.residuals)
+    assert np.max(np.abs(white_fit.of_readings - found.account.null.of_readings)) > 0.002
+    simulated = rows.log_displacement - found.residuals[: len(noise)]
+    last = 100.0 * np.exp(simulated[12] - simulated[0])
+    assert any(line.startswith("| 1 | simulated") and f"| {last:.0f} at 64" in line for line in found.account.facts({}))
