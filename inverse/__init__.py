@@ -1,4 +1,4 @@
 """Fits, posteriors and diagnosis on top of arfjax."""
 
-from inverse.diagnosis.diagnose import Diagnosed as Diagnosed
-from inverse.diagnosis.diagnose import diagnose as diagnose
+from inverse.diagnosed import Diagnosed as Diagnosed
+from inverse.diagnosed import diagnose as diagnose

@@ -26,10 +26,10 @@ from arfjax import (
 from arfjax.io import stepwise_dataset, write_netcdf
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.notes import sound_notes
-from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.figures import draw_calibration
 from inverse.hmi_fit import CalibrationSettings, HmiFit, fit_hmi
+from inverse.output import output_directory, quantity, write_figures, write_summary
 
 
 def calibrate(

@@ -1,6 +1,5 @@
 """`arfjax design`: the measurement that would tell causes apart which the present one cannot."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -9,13 +8,16 @@ import typer
 
 from arfjax import InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.diagnose import NullModel
-from inverse.commands.output import output_directory, write_summary
+from inverse.commands.diagnose import NullModel, require_fittable
 from inverse.datasets.dma import read_dma
 from inverse.datasets.hmi import read_hmi
 from inverse.design import design_dma, design_hmi
 from inverse.design.report import as_json, report
-from inverse.diagnosis.diagnose import MODELS
+from inverse.diagnosed import MODELS
+from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES
+from inverse.diagnosis.choice import find_causes
+from inverse.diagnosis.hmi.diagnosis import require_diagnosable
+from inverse.output import output_directory, write_json, write_summary
 
 
 def design_command(
@@ -43,28 +45,31 @@ def design_command(
         raise InputError("design follows one measurement: give --dma FILE, or --hmi FILE with an experiment file.")
     if hmi is not None and experiment is None:
         raise InputError("HMI is designed in its experiment: give the experiment file (TOML) before the options.")
+    if dma is not None and experiment is not None:
+        raise InputError("an experiment file is of HMI: leave it out with --dma.")
+    if dma is None and (trust_units or model is not NullModel.FRACTIONAL):
+        raise InputError("--trust-units and --model are of a DMA: leave them out with --hmi.")
     wanted = [name.strip() for name in causes.split(",") if name.strip()]
-    file = dma or hmi
-    assert file is not None  # one of both, see above
-    given = {"dma": dma, "hmi": hmi, "experiment": experiment if dma is None else None}
+    find_causes(wanted, HMI_CAUSES if dma is None else DMA_CAUSES)
+    given = {"dma": dma, "hmi": hmi, "experiment": experiment}
     with output_directory(out) as folder:
         with working("designing") as show:
-            try:
-                if dma is not None:
-                    data = read_dma(dma, trust_units=trust_units)
-                    found = design_dma(
-                        data, causes=wanted, model=MODELS[model.value], check=check, seed=seed, on_step=show
-                    )
-                else:
-                    assert experiment is not None
-                    found = design_hmi(
-                        read_hmi(file), read_experiment(experiment), name=str(experiment), causes=wanted, check=check,
-                        seed=seed, on_step=show,
-                    )  # fmt: skip
-            except ValueError as error:
-                raise (error if isinstance(error, InputError) else InputError(f"{file}: {error}")) from None
-        content = as_json(found)
-        (folder / "design.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+            if dma is not None:
+                file, solid = dma, MODELS[model.value]
+                data = read_dma(dma, trust_units=trust_units)
+                require_fittable(dma, data, solid)
+                found = design_dma(data, causes=wanted, model=solid, check=check, seed=seed, on_step=show)
+            else:
+                assert hmi is not None and experiment is not None  # see above
+                file, described = hmi, read_experiment(experiment)
+                curves = read_hmi(hmi)
+                require_diagnosable(curves, described, str(experiment))
+                found = design_hmi(
+                    curves, described, name=str(experiment), causes=wanted, check=check, seed=seed, on_step=show
+                )
+        if not found.rated:
+            raise InputError(f"{file}: {' '.join(found.notes)}")
+        write_json(folder / "design.json", as_json(found))
         (folder / "report.md").write_text(report(found, file.name), encoding="utf-8")
         write_summary(
             folder,

@@ -9,13 +9,17 @@ import typer
 
 from arfjax import InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, staged_bar
-from inverse.commands.output import output_directory, sha256, write_summary
-from inverse.datasets.dma import read_dma
+from inverse.datasets.dma import DmaData, read_dma
 from inverse.datasets.hmi import read_hmi
-from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES, Diagnosis
+from inverse.diagnosed import MODELS, Diagnosed, diagnose
+from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES
 from inverse.diagnosis.cause import Cause
-from inverse.diagnosis.diagnose import Diagnosed, diagnose, find_causes
+from inverse.diagnosis.choice import find_causes
+from inverse.diagnosis.diagnosis import require_level
+from inverse.diagnosis.dma_problem import usable_sweeps
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
+from inverse.dma_fit import ZenerModel
+from inverse.output import output_directory, sha256, write_summary
 
 STAGES = {
     "dma": {
@@ -24,6 +28,7 @@ STAGES = {
         "refitting with": 1.0,
         "measuring the gain": 4.0,
         "refitting what else": 2.0,
+        "rating": 10.0,
     },
     "hmi": {
         "fast simulation: draws": 15.0,
@@ -35,6 +40,7 @@ STAGES = {
         "refitting with": 30.0,
         "measuring the gain": 60.0,
         "refitting what else": 60.0,
+        "rating": 60.0,
     },
 }
 """About how many seconds each step of a diagnosis takes, for its bar."""
@@ -79,25 +85,23 @@ def diagnose_command(
     chosen, places = _chosen(wanted, list(parts)), _places(list(parts))
     if dma is None and (trust_units or model is not NullModel.FRACTIONAL):
         raise InputError("--trust-units and --model are of a DMA: leave them out, or give --dma FILE.")
-    _require_readable(dma, hmi, experiment, trust_units)
+    require_level(level)
+    _require_readable(dma, hmi, experiment, MODELS[model.value], trust_units)
     found: dict[str, Diagnosed] = {}
     with output_directory(out) as folder:
-        for kind, file in parts.items():
+        for kind in parts:
             with staged_bar(f"diagnosing {kind}", STAGES[kind]) as show:
-                try:
-                    found[kind] = diagnose(
-                        dma if kind == "dma" else None,
-                        hmi=hmi if kind == "hmi" else None,
-                        experiment=experiment if kind == "hmi" else None,
-                        model=model.value,
-                        causes=chosen[kind],
-                        level=level,
-                        seed=seed,
-                        trust_units=trust_units,
-                        on_step=show,
-                    )
-                except ValueError as error:
-                    raise (error if isinstance(error, InputError) else InputError(f"{file}: {error}")) from None
+                found[kind] = diagnose(
+                    dma if kind == "dma" else None,
+                    hmi=hmi if kind == "hmi" else None,
+                    experiment=experiment if kind == "hmi" else None,
+                    model=model.value,
+                    causes=chosen[kind],
+                    level=level,
+                    seed=seed,
+                    trust_units=trust_units,
+                    on_step=show,
+                )
             found[kind].write(folder / places[kind])
         results = {
             kind: {
@@ -115,16 +119,26 @@ def diagnose_command(
             results=results,
         )
     for kind, one in found.items():
-        _show(one.details, out / places[kind])
+        _show(one, out / places[kind])
 
 
-def _require_readable(dma: Path | None, hmi: Path | None, experiment: Path | None, trust_units: bool) -> None:
+def _require_readable(
+    dma: Path | None, hmi: Path | None, experiment: Path | None, model: ZenerModel, trust_units: bool
+) -> None:
     """Read everything before anything takes minutes."""
     described = None if experiment is None else read_experiment(experiment)
     if dma is not None:
-        read_dma(dma, trust_units=trust_units)
+        require_fittable(dma, read_dma(dma, trust_units=trust_units), model)
     if hmi is not None and described is not None:
         require_diagnosable(read_hmi(hmi), described, str(experiment))
+
+
+def require_fittable(file: Path, data: DmaData, model: ZenerModel) -> None:
+    """Refuse a DMA file with too few data, by its name."""
+    try:
+        usable_sweeps(data, model)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
 
 
 def _places(kinds: list[str]) -> dict[str, str]:
@@ -154,7 +168,8 @@ def _chosen(wanted: list[str], kinds: list[str]) -> dict[str, tuple[Cause, ...]]
     return chosen
 
 
-def _show(found: Diagnosis, out: Path) -> None:
+def _show(diagnosed: Diagnosed, out: Path) -> None:
+    found = diagnosed.details
     rows = [
         [
             one.cause.name,
@@ -173,6 +188,10 @@ def _show(found: Diagnosis, out: Path) -> None:
         lines[0] += f" ({', '.join(found.named)})"
     if found.confusable:
         lines[0] += f" ({', '.join(found.confusable[0])} cannot be told apart)"
+    for one in diagnosed.content["separation"]:
+        if one["measurement"] is not None:
+            now, then = (100.0 * part["probability_right"] for part in (one, one["measurement"]))
+            lines.append(f"to tell them apart: {one['measurement']['words']} ({now:.0f} -> {then:.0f} %)")
     if found.not_testable:
         lines.append("not testable with these data: " + ", ".join(one.name for one in found.not_testable))
     show_lines([*lines, f"written to {out}"])

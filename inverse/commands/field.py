@@ -12,7 +12,7 @@ import arfjax.figures
 from arfjax import Discretisation, Experiment, InputError, Model, discretise, extrapolations, read_experiment
 from arfjax.io import full_field_dataset, write_netcdf
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _RADIUS = 20e-3  # m
 _STEP = 0.25e-3  # m; half of it across the axis and about the focus, a quarter across it near the axis

@@ -11,11 +11,11 @@ import typer
 import xarray as xr
 
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 from inverse.datasets.dma import DmaData, group_sweeps, read_dma
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL, DmaFit, SweepFit, fit_sweeps, magnitude_only
 from inverse.dma_residuals import LinearModulus, LogModulus, ModulusResidual
 from inverse.figures import dma_figure
+from inverse.output import output_directory, quantity, write_figures, write_summary
 
 
 class ModelChoice(enum.StrEnum):

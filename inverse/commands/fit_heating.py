@@ -12,9 +12,9 @@ import xarray as xr
 import arfjax
 from arfjax import InputError
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.output import output_directory, quantity, write_figures, write_summary
 from inverse.datasets.thermometry import HOTTEST, read_thermometry
 from inverse.figures import heating_figure
+from inverse.output import output_directory, quantity, write_figures, write_summary
 from inverse.thermometry_fit import HeatingFit, fit_heating
 from inverse.thermometry_model import CONSTANTS, COURSE_ACCURACY
 

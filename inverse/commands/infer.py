@@ -11,7 +11,6 @@ import typer
 from arfjax import InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.infer_report import parameter_rows, report, results, write_parameters
-from inverse.commands.output import output_directory, write_figures, write_summary
 from inverse.datasets.dma import Sweep, group_sweeps, read_dma
 from inverse.datasets.hmi import read_hmi
 from inverse.figures.posterior import (
@@ -33,6 +32,7 @@ from inverse.inference.experiment import (
 )
 from inverse.inference.hmi import used_rows
 from inverse.inference.problem import Problem
+from inverse.output import output_directory, write_figures, write_summary
 from inverse.sampling import left_out, posterior_record, save_posterior
 from inverse.study import Effort, Sampler, Study, infer
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from inverse.commands.output import quantity
 from inverse.fast_hmi import Verification
 from inverse.inference.profile import Profile, Stop
+from inverse.output import quantity
 from inverse.study import Study
 
 FAST_ACCURACY = 5e-3

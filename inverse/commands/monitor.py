@@ -21,7 +21,7 @@ from arfjax import (
 from arfjax.io import transient_dataset, write_netcdf
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.notes import boiling_notes, sound_notes
-from inverse.commands.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _HOTTEST_RESOLVED = 85.0  # degC; what the elements of steady shaking are chosen for
 

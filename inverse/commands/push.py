@@ -14,7 +14,7 @@ from arfjax import Experiment, InputError, WatchSettings, range_notes, read_expe
 from arfjax.io import push_dataset, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.notes import sound_notes
-from inverse.commands.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _SHORTEST_WATCH, _LONGEST_WATCH = 0.5, 50.0  # ms
 

@@ -13,11 +13,11 @@ from arfjax import Experiment, InputError, StepwiseResult, range_notes, read_exp
 from arfjax.io import stepwise_dataset, write_netcdf
 from inverse import reproduction
 from inverse.commands.console import progress_bar, show_lines, show_table
-from inverse.commands.output import output_directory, write_figures, write_summary
 from inverse.commands.reproduction_report import report, write_readings, write_rows, write_variations
 from inverse.datasets.hmi import read_hmi
 from inverse.datasets.shipped import shipped
 from inverse.figures import paper
+from inverse.output import output_directory, write_figures, write_summary
 from inverse.reproduction import TEMPERATURES, Bench, Comparison, Reading, Row, SecondStudy, Variation
 
 _LESIONS = ("table", "dose", "semi-axes")

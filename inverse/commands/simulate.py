@@ -27,7 +27,7 @@ from arfjax import (
 from arfjax.io import field_dataset, heating_dataset, stepwise_dataset, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.notes import boiling_notes, sound_notes
-from inverse.commands.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _FIELD_RADIUS = 20e-3  # m
 _FIELD_STEP = 0.25e-3  # m

@@ -31,7 +31,7 @@ from arfjax import (
 from arfjax.io import field_dataset, sonication_dataset, write_netcdf
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.notes import boiling_notes, sound_notes
-from inverse.commands.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _SHOWN_RADIUS = 8e-3  # m
 _SHOWN_REACH = 13e-3  # m

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from inverse.commands.output import quantity
 from inverse.monte_carlo.bands import correlation_noise
 from inverse.monte_carlo.spreads import FIXED
+from inverse.output import quantity
 
 HEADER = ("temperature [degC]", "samples", "median [%]", "50 % [%]", "90 % [%]", "follows most")
 _EVERY_K = 5.0

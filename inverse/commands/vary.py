@@ -17,13 +17,14 @@ from arfjax import TransientProtocol as WatchedSonication
 from arfjax.io import VARIABLES, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.notes import sound_notes
-from inverse.commands.output import output_directory, sha256, versions, write_figures, write_summary
 from inverse.commands.partial import PartialFile, StoppedEarly
 from inverse.commands.variability_report import HEADER, report, results, rows
 from inverse.figures import draw_bands, draw_sensitivity
 from inverse.monte_carlo import SPREADS, analyse, draw_factors, run_samples, stepwise_outcome, transient_outcome
 from inverse.monte_carlo.bands import curves_by_temperature, levels_of
 from inverse.monte_carlo.runs import Outcome
+from inverse.output import output_directory, sha256, write_figures, write_summary
+from inverse.software import versions
 
 _STEP_K = 2.5  # between temperatures of the stepwise curve
 _HOTTEST_RESOLVED = 85.0  # degC; what the elements of steady shaking are chosen for

@@ -30,7 +30,7 @@ from arfjax.experiment.mechanics import Mechanics
 from arfjax.io import vibration_dataset, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.notes import sound_notes
-from inverse.commands.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _LOWEST, _HIGHEST = 5.0, 1000.0  # Hz
 _SHOWN = 5

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from arfjax import InputError
 from inverse.design.separation import Separation
 from inverse.diagnosis.cause import AnyCause, Extension
+from inverse.diagnosis.choice import find_causes
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
 
 
@@ -95,13 +96,16 @@ def alive(
 
     Args:
         found: The diagnosis.
-        wanted: Names; those that the diagnosis leaves possible, or the two likeliest, if empty.
+        wanted: Names, each once; those that the diagnosis leaves possible, or the two likeliest, if empty.
         library: Causes.
 
     Raises:
-        InputError: if there are no two causes to tell apart.
+        InputError: if there are no two causes to tell apart, or the fit failed.
     """
+    if found.noise is None:
+        raise InputError("the fit of these data failed, so that there is nothing to design by: see `arfjax diagnose`.")
     known = {one.cause.name: one for one in found.causes}
+    wanted = [cause.name for cause in find_causes(wanted, library)]
     for name in wanted:
         if name not in known:
             raise InputError(f"causes: these data cannot see '{name}'; they see {', '.join(known) or 'none'}.")

@@ -13,6 +13,7 @@ from inverse.design.dma_proposals import DmaProposal, dma_proposals
 from inverse.design.separation import Separation, separation
 from inverse.diagnosis.cause import DmaCause, Extension, predicted_modulus
 from inverse.diagnosis.causes import DMA_CAUSES
+from inverse.diagnosis.choice import find_causes
 from inverse.diagnosis.diagnosis import Diagnosis
 from inverse.diagnosis.dma_diagnosis import diagnose_dma
 from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
@@ -43,8 +44,9 @@ def design_dma(
         on_step: Told what is being done.
 
     Raises:
-        InputError: if there are no two causes to tell apart.
+        InputError: if there are no two causes to tell apart, or the fit itself failed.
     """
+    find_causes(causes, library)
     if found is None:
         on_step("diagnosing")
         found = diagnose_dma(data, model=model, causes=library, seed=seed, gain=False, on_step=on_step)

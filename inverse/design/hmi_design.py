@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from arfjax import Effort, Experiment, InputError
+from arfjax import Effort, Experiment
 from inverse.datasets.hmi import HmiData
 from inverse.design.design import Check, Design, Rated, alive
 from inverse.design.hmi_proposals import HmiProposal, hmi_proposals
 from inverse.design.separation import Separation, separation
 from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.choice import find_causes
 from inverse.diagnosis.diagnosis import Diagnosis
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.cause import HmiCause
@@ -29,6 +30,10 @@ from inverse.diagnosis.hmi.prepare import LEARNT, PreparedHmi, prepare_hmi
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.inference.experiment import inference_settings
 
+NOT_RATED = (
+    "No sonication can be rated: the constants that fit these curves lie outside of what the fast simulation was made "
+    "for (`arfjax diagnose` says which); widen their priors in `[inference]`."
+)
 _COVERED = 1.0
 _NEXT = "next"
 
@@ -86,6 +91,7 @@ def design_hmi(
     Raises:
         InputError: if there are no two causes to tell apart, or the fit itself failed.
     """
+    find_causes(causes, library)
     settings = inference_settings(described, name)
     if prepared is None:
         prepared = prepare_hmi(described, settings, data, seed=seed, effort=effort, on_step=on_step)
@@ -107,12 +113,9 @@ def design_hmi(
             continue
         rated.append((proposal, _separation(fitted, courses, more)))
     if not rated:
-        raise InputError(
-            "no sonication can be rated: the constants that fit these curves lie outside of what the fast simulation "
-            "was made for (`arfjax diagnose` says which); widen their priors in `[inference]`."
-        )
+        notes = [NOT_RATED]
     rated.sort(key=lambda one: -one[1].worst)
-    checks = _checks(fitted, rated[0][0], library, seed, on_step) if check else ()
+    checks = _checks(fitted, rated[0][0], library, seed, on_step) if check and rated else ()
     names = {e.cause.name: float(s) for e, s in zip(fitted.extensions, fitted.strengths, strict=True)}
     return Design(names, now, tuple(Rated(*one) for one in rated), checks, fitted.size, seed, tuple(notes))
 
@@ -124,14 +127,11 @@ def _fitted(
     causes: Sequence[str],
     library: Sequence[HmiCause],
 ) -> _Fitted:
-    if found.noise is None or not isinstance(found.account, HmiAccount):
-        raise InputError(
-            "the fit of these curves failed, so that there is nothing to design by: see `arfjax diagnose`."
-        )
+    extensions, strengths = alive(found, causes, library)
+    assert isinstance(found.account, HmiAccount) and found.noise is not None
     problem = found.account.problem
     # Relative, as deviations that a file states say nothing of readings that are still to come.
     size = found.noise.size * float(np.median(1.0 / problem.weights))
-    extensions, strengths = alive(found, causes, library)
     return _Fitted(problem, prepared, reference, found.account.null.unknowns, extensions, strengths, size)
 
 

@@ -6,7 +6,7 @@ from inverse.design.design import Design
 from inverse.design.separation import Separation
 from inverse.software import versions
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Of design.json; keys do not change without a new number."""
 
 
@@ -34,9 +34,49 @@ def as_json(design: Design) -> dict[str, Any]:
     }
 
 
+def in_short(design: Design) -> dict[str, Any]:
+    """The causes, how well the data that there are separate them, and which further measurement does best: JSON."""
+    best = max(design.rated, key=lambda one: one.separation.worst, default=None)
+    return {
+        "causes": list(design.now.names),
+        "angle_deg": design.now.angle,
+        "probability_right": design.now.worst,
+        "measurement": None
+        if best is None
+        else {
+            "name": best.proposal.name,
+            "words": best.proposal.words,
+            "readings": len(best.proposal),
+            "seconds": best.proposal.seconds,
+            "angle_deg": best.separation.angle,
+            "probability_right": best.separation.worst,
+        },
+    }
+
+
+def in_words(design: Design) -> list[str]:
+    """The same for a report."""
+    short = in_short(design)
+    listed = " and ".join([", ".join(short["causes"][:-1]), short["causes"][-1]])
+    now = (
+        f"What {listed} do to these data, fitted constants taken off, is as little as {short['angle_deg']:.0f} degrees "
+        f"apart: at the strengths estimated, the right one of two looks likelier in "
+        f"{100.0 * short['probability_right']:.0f} % of cases at least."
+    )
+    best = short["measurement"]
+    if best is None:
+        return [now, *design.notes]
+    return [
+        f"{now} Of {len(design.rated)} measurements that could be made next, {best['words']} separates them best: "
+        f"{best['angle_deg']:.0f} degrees, {100.0 * best['probability_right']:.0f} %. `arfjax design` lists them all, "
+        "simulates the best, and diagnoses it again."
+    ]
+
+
 def _separation(found: Separation) -> dict[str, Any]:
     return {
         "probability_right": found.worst,
+        "angle_deg": found.angle,
         "d_prime": dict(zip(found.names, map(float, found.d_prime), strict=True)),
         "cosine": [[float(value) for value in row] for row in found.cosine],
     }

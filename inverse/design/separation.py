@@ -41,6 +41,13 @@ class Separation:
         off = ~np.eye(len(self.names), dtype=bool)
         return float(np.min(self.right[off])) if np.any(off) else float("nan")
 
+    @property
+    def angle(self) -> float:
+        """The least angle between two causes' projected directions, from 0 to 90 [deg]; NaN for one cause alone."""
+        off = ~np.eye(len(self.names), dtype=bool)
+        closest = np.max(np.abs(self.cosine[off])) if np.any(off) else float("nan")
+        return float(np.degrees(np.arccos(np.minimum(closest, 1.0))))
+
 
 def separation(
     names: Sequence[str],

@@ -7,6 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
+from arfjax import InputError
 from inverse.diagnosis.cause import Cause, Extension
 from inverse.diagnosis.decision import REPLICATES, Decision
 from inverse.diagnosis.examination import Examined, FullFit, NotTestable, detectable_strength
@@ -165,10 +166,10 @@ def require_level(level: float) -> None:
     """Refuse a level that replicates cannot show.
 
     Raises:
-        ValueError: if it is out of range.
+        InputError: if it is out of range.
     """
     if not LOWEST_LEVEL <= level < 1.0:
-        raise ValueError(f"`level` must be from {LOWEST_LEVEL:g} to 1, got {level:g}.")
+        raise InputError(f"`level` must be from {LOWEST_LEVEL:g} to 1, got {level:g}.")
 
 
 def conclude(

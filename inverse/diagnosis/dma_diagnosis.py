@@ -44,7 +44,8 @@ def diagnose_dma(
         on_step: Told what is being done.
 
     Raises:
-        ValueError: if there are too few data, `level` is out of range, or JAX runs in single precision.
+        InputError: if there are too few data, or `level` is out of range.
+        ValueError: if JAX runs in single precision.
     """
     require_level(level)
     on_step("fitting")

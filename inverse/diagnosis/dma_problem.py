@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from arfjax import InputError
 from inverse.datasets.dma import DmaData, Sweep, group_sweeps
 from inverse.diagnosis.cause import DmaConditions, Extension, predicted_modulus
 from inverse.diagnosis.noise import Ordering, series
@@ -143,24 +144,12 @@ def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: in
         The problem on the sweeps that could be fitted, and all fits for the audit.
 
     Raises:
-        ValueError: if no sweep has more data than the model has constants.
+        InputError: if there are too few data; see `usable_sweeps`.
     """
     data, notes = _with_time(data)
-    needed = len(model.constants())
-    sweeps = tuple(s for s in group_sweeps(data) if s.data.distinct_frequencies > needed)
-    if not sweeps:
-        raise ValueError(
-            f"no sweep has more than {needed} frequencies, which is what the constants of the {model.name} model take; "
-            f"measure more frequencies at one temperature."
-        )
+    needed, sweeps = len(model.constants()), usable_sweeps(data, model)
     fit = fit_sweeps(sweeps, models=(model,), residuals=(_RESIDUAL,), seed=seed, n_starts=n_starts)
     weights, stated = _weights(sweeps)
-    spare = weights.size - needed * len(sweeps)
-    if spare < LEAST_SPARE:
-        raise ValueError(
-            f"{weights.size} numbers for {needed * len(sweeps)} constants leave {spare} to judge the model by; at "
-            f"least {LEAST_SPARE} are needed: measure more frequencies, or the phase."
-        )
     left_out = len(group_sweeps(data)) - len(sweeps)
     if left_out:
         notes = (*notes, f"{left_out} sweeps with too few frequencies for {needed} constants were left out.")
@@ -177,6 +166,29 @@ def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: in
         ),
         fit,
     )
+
+
+def usable_sweeps(data: DmaData, model: ZenerModel) -> tuple[Sweep, ...]:
+    """Sweeps that the model can be fitted to.
+
+    Raises:
+        InputError: if none has more frequencies than the model has constants, or all together hardly more numbers.
+    """
+    needed = len(model.constants())
+    sweeps = tuple(s for s in group_sweeps(data) if s.data.distinct_frequencies > needed)
+    if not sweeps:
+        raise InputError(
+            f"no sweep has more than {needed} frequencies, which is what the constants of the {model.name} model take; "
+            f"measure more frequencies at one temperature."
+        )
+    numbers = sum(len(sweep.data) for sweep in sweeps) * (2 if data.has_phase else 1)
+    spare = numbers - needed * len(sweeps)
+    if spare < LEAST_SPARE:
+        raise InputError(
+            f"{numbers} numbers for {needed * len(sweeps)} constants leave {spare} to judge the model by; at "
+            f"least {LEAST_SPARE} are needed: measure more frequencies, or the phase."
+        )
+    return sweeps
 
 
 def _moved(fits: Sequence[SweepFit]) -> Float[np.ndarray, "sweep n"]:

@@ -1,8 +1,8 @@
 """What an extension is worth on data that the fit did not see.
 
-With temperatures enough, each is left out in turn: the strength comes from the others, the constants of the sweep left
-out, which no other temperature tells, from four of five blocks of its frequencies, and the fifth is scored. Otherwise
-blocks of frequencies are left out of all sweeps in turn.
+With samples enough, each is left out in turn, and with temperatures enough each of these: the strength comes from the
+others, the constants of the sweeps left out, which no other tells, from four of five blocks of their frequencies, and
+the fifth is scored. Otherwise blocks of frequencies are left out of all sweeps in turn.
 
 A gain proves no cause: measured on data with a hidden effect, a wrong cause gained in 62 to 81 % of cases.
 """
@@ -21,7 +21,8 @@ from inverse.diagnosis.noise import Noise
 
 BLOCKS = 5
 LEAST_FOLDS = 2
-LEAST_TEMPERATURES = 4
+LEAST_GROUPS = 4
+"""Samples, or temperatures, from which on these are left out."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,7 +82,7 @@ def held_out_gain(
         return None
     scored = _scored(null, extended, noise, start, folds)
     before, after = [one[0] for one in scored], [one[1] for one in scored]
-    # Blocks of one temperature share its strength: they count as one when errors are told from scatter.
+    # Blocks of what was left out share its strength: they count as one when errors are told from scatter.
     groups = np.unique([fold.group for fold in folds])
     gains = np.array([a[1] - b[1] for a, b in zip(after, before, strict=True)])
     counts = np.array([len(a[0]) for a in after])
@@ -103,12 +104,14 @@ def _folds(problem: DmaProblem, extensions: int) -> tuple[list[_Fold], str]:
     used = [block for block in np.unique(blocks).tolist() if _enough(problem, blocks != block, extensions)]
     skipped = len(np.unique(blocks)) - len(used)
     left_out = f" ({skipped} more would have left too few rows to fit)" if skipped else ""
-    temperature = temperature_groups(problem)
-    places = np.unique(temperature)
-    if len(places) < LEAST_TEMPERATURES:
+    kinds = {"samples": sample_groups(problem), "temperatures": temperature_groups(problem)}
+    enough = [kind for kind, rows in kinds.items() if len(np.unique(rows)) >= LEAST_GROUPS]
+    if not enough:
         folds = [_Fold(blocks == one, blocks != one, blocks != one, float(one)) for one in used]
         return folds, f"{len(used)} blocks of neighbouring frequencies, each left out of all sweeps in turn{left_out}"
-    group = _blocks(np.searchsorted(places, temperature), len(places))
+    kind = enough[0]
+    places, rank = np.unique(kinds[kind], return_inverse=True)
+    group = _blocks(rank, len(places))
     folds = [
         _Fold((group == place) & (blocks == one), blocks != one, group != place, float(place))
         for one in used
@@ -116,10 +119,16 @@ def _folds(problem: DmaProblem, extensions: int) -> tuple[list[_Fold], str]:
     ]
     several = "" if len(places) <= BLOCKS else f" in {BLOCKS} blocks of neighbours"
     split = (
-        f"{len(places)} temperatures{several}, each left out in turn: strengths from the others, constants of its own "
+        f"{len(places)} {kind}{several}, each left out in turn: strengths from the others, constants of its own "
         f"from all but one of {len(np.unique(blocks))} blocks of neighbouring frequencies, which is predicted{left_out}"
     )
     return [fold for fold in folds if np.any(fold.scored)], split
+
+
+def sample_groups(problem: DmaProblem) -> Int[np.ndarray, " row"]:
+    """Number of each row's sample, in the order of the file."""
+    labels = [sweep.sample for sweep in problem.sweeps]
+    return np.array([list(dict.fromkeys(labels)).index(one) for one in labels])[np.asarray(problem.conditions.sweep)]
 
 
 def temperature_groups(problem: DmaProblem) -> Float[np.ndarray, " row"]:

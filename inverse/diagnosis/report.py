@@ -1,13 +1,14 @@
 """A diagnosis in words and as JSON."""
 
-import math
+from collections.abc import Sequence
 from typing import Any
 
 from inverse.diagnosis.decision import SET_LEVEL, UNEXPLAINED_LEVEL
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
+from inverse.output import finite
 from inverse.software import versions
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Of diagnosis.json; keys do not change without a new number."""
 
 _VERDICTS = {
@@ -49,7 +50,7 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
         "seed": found.seed,
         "versions": versions(),
     }
-    return _finite(content)
+    return finite(content)
 
 
 _PLACES = 5
@@ -68,8 +69,15 @@ def _sentence(found: Diagnosis) -> str:
     return _VERDICTS["two" if found.verdict == "named" and len(found.named) > 1 else found.verdict]
 
 
-def report(found: Diagnosis, name: str, figures: list[str]) -> str:
-    """The report in Markdown."""
+def report(found: Diagnosis, name: str, figures: Sequence[str], apart: Sequence[str] = ()) -> str:
+    """The report in Markdown.
+
+    Args:
+        found: What is reported.
+        name: Of the data.
+        figures: Names of their files.
+        apart: How causes that these data cannot tell apart could be, in sentences.
+    """
     lines = [f"# Diagnosis of {name}", "", f"**{found.verdict}.** {_sentence(found)}", ""]
     if found.decision is not None:
         lines += [
@@ -79,13 +87,13 @@ def report(found: Diagnosis, name: str, figures: list[str]) -> str:
         ]
     lines += [f"- {note}" for note in found.account.notes]
     lines += ["", *found.account.facts(found.in_question), *(f"![{figure}]({figure})" for figure in figures), ""]
-    lines += _named(found) + _table(found) + _where(found) + _noise(found) + _hidden(found)
+    lines += _named(found, apart) + _table(found) + _where(found) + _noise(found) + _hidden(found)
     if found.audit:
         lines += ["## What the fits say about themselves", "", *(f"- {remark}" for remark in found.audit), ""]
     return "\n".join(lines)
 
 
-def _named(found: Diagnosis) -> list[str]:
+def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
     lines: list[str] = []
     members = set(found.named) | {name for names in found.confusable for name in names}
     for one in found.causes:
@@ -93,6 +101,7 @@ def _named(found: Diagnosis) -> list[str]:
             lines += [f"- **{one.cause.name}** ({one.cause.place}): {one.cause.sentence} {_strength(one)}"]
             if one.status == "confusable":
                 lines += [f"  To tell it from the others: {one.cause.helps}"]
+    lines += ["", *apart, ""] if apart else []
     together = [" with ".join(names) for names in found.decision.explanations] if found.decision is not None else []
     if any(" with " in one for one in together) and len(together) > 1:
         lines += ["", f"No cause alone does; these do together: {'; '.join(together)}.", ""]
@@ -214,15 +223,3 @@ def _cause(one: CauseReport) -> dict[str, Any]:
         "physics": one.cause.sentence,
         "source": one.cause.source,
     }
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if hasattr(value, "item") and not isinstance(value, str):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

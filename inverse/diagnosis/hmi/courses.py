@@ -161,7 +161,7 @@ def plan_courses(
         reference_temperature: At which curves in percent are 100 [degC].
 
     Raises:
-        InputError: if temperatures lie below the protocol's start, or times after its end.
+        InputError: if temperatures lie below the protocol's start; see `require_during` for its end.
     """
     courses, time, lateness, dose = [], rows.time.copy(), np.full(len(rows), np.nan), np.zeros(len(rows))
     temperature = rows.temperature.copy()
@@ -175,7 +175,6 @@ def plan_courses(
         clock, focal = np.asarray(heating.time), np.asarray(heating.focal_temperature)
         if sweep.in_time:
             temperature[mine] = np.interp(time[mine], clock, focal)
-        _require_during(data, rows, mine, sweep.protocol.duration)
         often = np.linspace(0.0, clock[-1], _OFTEN)
         simulated = np.interp(temperature[mine], CubicSpline(clock, focal)(often), often)
         lateness[mine] = np.nan if sweep.in_time else time[mine] - simulated
@@ -190,8 +189,13 @@ def plan_courses(
     return tuple(courses), found
 
 
-def _require_during(data: HmiData, rows: HmiRows, mine: Int[np.ndarray, " mine"], duration: float) -> None:
-    late = mine[rows.time[mine] > (1.0 + _STILL) * duration]
+def require_during(data: HmiData, rows: HmiRows, duration: float) -> None:
+    """Refuse readings after the sonication's end.
+
+    Raises:
+        InputError: if there are any.
+    """
+    late = np.flatnonzero(rows.time > (1.0 + _STILL) * duration)
     if late.size:
         raise InputError(
             f"{data.path}: row {rows.file_row[late[0]] + 1}: {rows.time[late[0]]:g} s is after the sonication's end at "

@@ -14,7 +14,7 @@ from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.causes import HMI_CAUSES
-from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows
+from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows, require_during
 from inverse.diagnosis.hmi.examination import Refits, examine_hmi, noise_size
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.gain import held_out_gain_hmi
@@ -30,6 +30,7 @@ from inverse.diagnosis.hmi.program import HmiProgram
 from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_full
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.where import Axis
+from inverse.hmi_model import plan_sweeps
 from inverse.inference.experiment import InferenceSettings, inference_settings
 
 _FIRST_SIZE = 0.02
@@ -74,8 +75,8 @@ def diagnose_hmi(
         on_step: Told what is being done.
 
     Raises:
-        InputError: if data and experiment do not go together.
-        ValueError: if there are too few data, `level` is out of range, or JAX runs in single precision.
+        InputError: if data and experiment do not go together, there are too few data, or `level` is out of range.
+        ValueError: if JAX runs in single precision.
     """
     require_level(level)
     settings = require_diagnosable(data, described, name)
@@ -148,18 +149,20 @@ def require_diagnosable(data: HmiData, described: Experiment, name: str = "exper
         InputError: if they cannot.
     """
     settings = inference_settings(described, name)
-    rows = hmi_rows(data, settings.reference_temperature_c)
-    _require_enough(rows, len(free_constants(described, settings).names))
+    rows, protocol = hmi_rows(data, settings.reference_temperature_c), described.stepwise()
+    plan_sweeps(data, protocol, settings.reference_temperature_c)
+    require_during(data, rows, protocol.duration)
+    _require_enough(data, rows, len(free_constants(described, settings).names))
     return settings
 
 
-def _require_enough(rows: HmiRows, constants: int) -> None:
+def _require_enough(data: HmiData, rows: HmiRows, constants: int) -> None:
     spare = len(rows) - len(rows.labels) - constants
     if spare < LEAST_SPARE:
         raise InputError(
-            f"{len(rows)} readings for {constants} constants and a factor of each of {len(rows.labels)} sonications "
-            f"leave {spare} to judge the simulation by; at least {LEAST_SPARE} are needed: measure more, or free fewer "
-            "constants in `[inference]`."
+            f"{data.path}: {len(rows)} readings for {constants} constants and a factor of each of "
+            f"{len(rows.labels)} sonications leave {spare} to judge the simulation by; at least {LEAST_SPARE} are "
+            "needed: measure more, or free fewer constants in `[inference]`."
         )
 
 

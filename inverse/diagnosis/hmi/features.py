@@ -83,6 +83,30 @@ def mismatches(
                 f"Sonication {target.label}, {name}: {target.at(row)} measured, {plain.percent[row]:.0f} simulated; "
                 f"{by}."
             )
+        sentences += _elsewhere(
+            target, plain, {cause: curves[number] for cause, curves in with_causes.items()}, threshold
+        )
     if within:
         sentences.append(f"Not to be told from scatter, a difference of {threshold:.2g} points: {', '.join(within)}.")
     return sentences
+
+
+def _elsewhere(target: Curve, plain: Curve, with_causes: Mapping[str, Curve], threshold: float) -> list[str]:
+    """That the simulated curve peaks at another temperature, and which causes take its peak halfway to the measured."""
+    if "peak" not in target.features or "peak" not in plain.features:
+        return []
+    there, here = target.features["peak"], plain.features["peak"]
+    # How much more the one rises from the one reading to the other than the other does.
+    lost = (target.percent[there] - target.percent[here]) + (plain.percent[here] - plain.percent[there])
+    if lost <= threshold:
+        return []
+    at, gap = target.temperature, abs(target.temperature[there] - target.temperature[here])
+    others = {cause: curve.features["peak"] for cause, curve in with_causes.items() if "peak" in curve.features}
+    mending = [
+        f"{cause} (at {at[row]:.0f})"
+        for cause, row in others.items()
+        if abs(at[row] - at[there]) <= (1.0 - _TAKEN_AWAY) * gap
+    ]
+    by = f"taken halfway there or further by {', '.join(mending)}" if mending else "taken there by none in question"
+    where = f"at {at[there]:.0f} degC measured, at {at[here]:.0f} degC simulated"
+    return [f"Sonication {target.label}: the peak is {where}; {by}."]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from inverse.commands.main import run
-from inverse.commands.output import output_directory
+from inverse.output import output_directory
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = (ROOT / "examples" / "suomi2016.toml").read_text(encoding="utf-8")
@@ -189,9 +189,10 @@ def test_waves_too_short_for_any_mesh(capfd, tmp_path):
 
 
 @pytest.mark.parametrize("content", BAD_DMA.values(), ids=BAD_DMA.keys())
-def test_fit_dma(capfd, tmp_path, content):
+def test_dma_measurements(capfd, tmp_path, content):
     data = place(tmp_path / "measured.csv", content)
-    assert_refused(capfd, tmp_path, ["fit-dma", data], names=data)
+    for command in (["fit-dma", data], ["diagnose", "--dma", data], ["design", "--dma", data]):
+        assert_refused(capfd, tmp_path, command, names=data)
 
 
 @pytest.mark.parametrize("content", BAD_HEATING.values(), ids=BAD_HEATING.keys())
@@ -211,14 +212,17 @@ def test_experiments(capfd, tmp_path, content):
         ["vary", experiment],
         ["field", experiment],
         ["reproduce", "--experiment", experiment],
+        ["diagnose", experiment, "--hmi", hmi],
+        ["design", experiment, "--hmi", hmi],
     ):
         assert_refused(capfd, tmp_path, arguments, names=experiment)
 
 
 @pytest.mark.parametrize("content", BAD_HMI.values(), ids=BAD_HMI.keys())
-def test_calibrate_measurements(capfd, tmp_path, content):
+def test_hmi_measurements(capfd, tmp_path, content):
     experiment, hmi = place(tmp_path / "experiment.toml", EXAMPLE), place(tmp_path / "hmi.csv", content)
-    assert_refused(capfd, tmp_path, ["calibrate", experiment, "--hmi", hmi], names=hmi)
+    for command in ("calibrate", "diagnose", "design"):
+        assert_refused(capfd, tmp_path, [command, experiment, "--hmi", hmi], names=hmi)
 
 
 @pytest.mark.parametrize(("replacement", "cause"), BAD_CALIBRATIONS.values(), ids=BAD_CALIBRATIONS.keys())
@@ -266,6 +270,15 @@ def test_reference_outside_the_protocol(capfd, tmp_path, table):
         (["fit-heating", "{data}", "--out", "out", "--baseline", "310"], "must be a temperature from 0 to 120 degC"),
         (["fit-heating", "{data}", "--out", "out", "--baseline", "nan"], "must be a temperature from 0 to 120 degC"),
         (["fit-heating", "{data}", "--out", "out", "--starts", "0"], "Invalid value for '--starts'"),
+        (["diagnose", "--dma", "{data}"], "Missing option '--out'"),
+        (["diagnose", "--dma", "{data}", "--out", "out", "--level", "0.7"], "Invalid value for '--level'"),
+        (["diagnose", "--dma", "{data}", "--out", "out", "--level", "nan"], "Invalid value for '--level'"),
+        (["diagnose", "--dma", "{data}", "--out", "{data}"], "measured.csv: "),
+        (["diagnose", "--dma", "{data}", "--out", "out"], "measured.csv: no sweep has more than 4 frequencies"),
+        (["design", "--dma", "{data}", "--out", "out"], "measured.csv: no sweep has more than 4 frequencies"),
+        (["design", "--dma", "{data}", "--out", "out", "--causes", "gremlins"], "there is no cause 'gremlins'"),
+        (["design", "{data}", "--dma", "{data}", "--out", "out"], "an experiment file is of HMI"),
+        (["design", "{data}", "--hmi", "{data}", "--out", "out", "--trust-units"], "--trust-units and --model are of"),
         (["data", "unknown"], "no shipped data set is called 'unknown'"),
     ],
 )
@@ -312,8 +325,12 @@ def interrupted_output(out):
 
 
 @pytest.mark.parametrize(
-    "command", ["fit_dma", "fit_heating", "simulate", "sonicate", "vibrate", "vary", "field", "calibrate", "reproduce"]
-)
+    "command",
+    [
+        "fit_dma", "fit_heating", "simulate", "sonicate", "vibrate", "vary", "field", "calibrate", "reproduce",
+        "diagnose", "design",
+    ],
+)  # fmt: skip
 def test_an_interrupt_leaves_nothing(capfd, tmp_path, monkeypatch, command):
     monkeypatch.setattr(f"inverse.commands.{command}.output_directory", interrupted_output)
     experiment, dma = place(tmp_path / "experiment.toml", EXAMPLE), place(tmp_path / "dma.csv", DMA)
@@ -327,6 +344,8 @@ def test_an_interrupt_leaves_nothing(capfd, tmp_path, monkeypatch, command):
         "vibrate": [experiment],
         "field": [experiment],
     }
+    sweep = place(tmp_path / "sweep.csv", DMA + "20,37,2300,300\n50,37,2700,350\n90,37,3000,400\n")
+    inputs |= {"diagnose": ["--dma", sweep], "design": ["--dma", sweep]}
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "summary.json").write_text("earlier")
     before = tree(tmp_path)

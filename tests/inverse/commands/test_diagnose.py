@@ -70,7 +70,7 @@ def test_constants_of_one_frequency_do_not_predict_the_sweep_and_the_reason_is_n
 @pytest.mark.slow
 @pytest.mark.timeout(SLOWEST)
 def test_keys_of_the_interface(found):
-    assert set(KEYS) <= set(found) and found["schema_version"] == 1
+    assert set(KEYS) <= set(found) and found["schema_version"] == 2
     assert all(set(CAUSE_KEYS) <= set(cause) for cause in found["causes"])
     assert set(found["omnibus"]) == {"statistic", "p_value"}
     assert {"split", "rmse_before", "rmse_after", "log_score_gain", "standard_error"} <= set(found["gain"])

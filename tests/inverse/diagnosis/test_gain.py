@@ -9,7 +9,7 @@ from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.dma_problem import dma_problem
-from inverse.diagnosis.gain import _folds, held_out_gain, temperature_groups
+from inverse.diagnosis.gain import _folds, held_out_gain, sample_groups, temperature_groups
 from inverse.diagnosis.noise import noise_family
 from inverse.dma_fit import FRACTIONAL
 from tests.blind import dma_generator as blind
@@ -43,6 +43,24 @@ def test_each_temperature_is_left_out_in_turn(drifting):
         # Neither the strength nor the constants have seen what is scored, nor the strength anything of its temperature.
         assert not np.any(fold.scored & (fold.strength | fold.constants))
         assert not np.any(fold.strength & (temperature == temperature[fold.scored][0]))
+
+
+def test_each_sample_is_left_out_in_turn_where_there_are_enough(drifting):
+    """Two temperatures each, which are too few to be left out."""
+    sweeps = tuple(
+        dataclasses.replace(sweep, sample=f"sample {index}", temperature_c=40.0 + 10.0 * (index % 2))
+        for index, sweep in enumerate(drifting.sweeps)
+    )
+    problem = dataclasses.replace(drifting, sweeps=sweeps)
+    folds, split = _folds(problem, 1)
+    assert split.startswith("5 samples, each left out in turn")
+    np.testing.assert_array_equal(sum(fold.scored.astype(int) for fold in folds), 1)
+    sample = sample_groups(problem)
+    for fold in folds:
+        (left_out,) = np.unique(sample[fold.scored])
+        assert not np.any(fold.scored & fold.constants) and not np.any(fold.strength & (sample == left_out))
+    one_sample = dataclasses.replace(problem, sweeps=tuple(dataclasses.replace(one, sample="a") for one in sweeps))
+    assert "left out of all sweeps" in _folds(one_sample, 1)[1]
 
 
 def test_gain_of_the_hidden_cause_and_none_of_one_that_is_not_there(drifting):

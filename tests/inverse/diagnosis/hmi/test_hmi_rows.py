@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arfjax import InputError, discretise
-from inverse.diagnosis.hmi.courses import hmi_rows, plan_courses
+from inverse.diagnosis.hmi.courses import hmi_rows, plan_courses, require_during
 from inverse.diagnosis.hmi.prepare import _notes
 from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, curves
 
@@ -56,7 +56,9 @@ def test_times_after_the_sonication_are_refused_and_those_that_disagree_are_told
 
     def planned(time):
         data = curves(np.full(len(TEMPERATURES), 97.0), time)
-        return plan_courses(data, hmi_rows(data, 37.0), model, protocol, coarse, 37.0)[1]
+        rows = hmi_rows(data, 37.0)
+        require_during(data, rows, protocol.duration)
+        return plan_courses(data, rows, model, protocol, coarse, 37.0)[1]
 
     simulated = planned(None)
     assert np.all(np.isnan(simulated.lateness))

@@ -7,9 +7,9 @@ import pytest
 
 from arfjax import InputError
 from inverse.design import design_hmi
+from inverse.diagnosed import Diagnosed
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
-from inverse.diagnosis.diagnose import Diagnosed
 from inverse.diagnosis.diagnosis import failed
 from inverse.diagnosis.hmi import diagnosis as hmi_diagnosis
 from inverse.diagnosis.hmi import examination

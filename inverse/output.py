@@ -1,4 +1,4 @@
-"""Where a command's results go: all of them or none, with a summary that says how they came about."""
+"""Where results go: all of them or none, with a summary that says how they came about."""
 
 import contextlib
 import hashlib
@@ -11,10 +11,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from arfjax import InputError
-from inverse.software import versions as versions
+from inverse.software import versions
 
 
 @contextlib.contextmanager
@@ -69,10 +70,7 @@ def write_summary(
     results: Mapping[str, Any],
     seed: int | None = None,
 ) -> None:
-    """Write summary.json: results with units, settings, seed, inputs with their SHA-256, versions of the software.
-
-    Numbers that are not finite become null, since JSON has no word for them.
-    """
+    """Write summary.json: results with units, settings, seed, inputs with their SHA-256, versions of the software."""
     summary = {
         "command": command,
         "inputs": {name: {"path": str(path), "sha256": sha256(path)} for name, path in inputs.items()},
@@ -81,8 +79,13 @@ def write_summary(
         "versions": versions(),
         "results": dict(results),
     }
-    text = json.dumps(_finite(summary), indent=2, ensure_ascii=False, allow_nan=False)
-    (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+    write_json(folder / "summary.json", summary)
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write JSON; see `finite`."""
+    text = json.dumps(finite(content), indent=2, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 def write_figures(folder: Path, figures: Mapping[str, Figure]) -> list[str]:
@@ -104,11 +107,14 @@ def sha256(path: Path) -> str:
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
+    """The same in what JSON has words for: numbers that are not finite become null, those of numpy plain ones."""
     if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
+        return {str(key): finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [finite(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
     return value

@@ -6,7 +6,7 @@ import json
 import pytest
 
 from arfjax.errors import InputError
-from inverse.commands.output import output_directory, quantity, write_summary
+from inverse.output import output_directory, quantity, write_summary
 
 
 def test_results_appear_at_the_end_and_join_what_is_there(tmp_path):
