@@ -37,7 +37,7 @@ from inverse.dma_fit import FRACTIONAL
 from tests.blind import dma_generator as blind
 
 TESTABLE = [name for name in blind.EFFECTS if name != "clamp-compliance"]
-NOISES = ("white", "tails", "correlated-0.3", "correlated-0.6", "loud")
+NOISES = ("white", "tails", "correlated-0.3", "correlated-0.6", "loud", "understated")
 STRENGTHS = (3.0, 4.5, 6.0)
 UNKNOWN_STRENGTHS = (5.0, 9.0)
 QUICK_SETS = 2

@@ -166,6 +166,8 @@ def _one_temperature(m: Measurement, rng: np.random.Generator) -> np.ndarray:
     return chosen[:, None] * _smooth(m, rng)
 
 
+UNDERSTATED = 1.3
+
 UNKNOWN = {"bump": _bump, "smooth": _smooth, "mains": _mains, "one-temperature": _one_temperature}
 """Changes of the logarithm of the modulus that are in no list."""
 
@@ -288,11 +290,19 @@ def write(
     d_prime: float = 4.5,
     noise: str = "white",
     shuffled: bool = False,
+    strength: float | None = None,
 ) -> None:
-    """Simulate one measurement; the file in `data` says nothing of what is in `key`."""
+    """Simulate one measurement; the file in `data` says nothing of what is in `key`.
+
+    A named effect has the given strength instead of `d_prime`, for those that no strength shows. In noise that is
+    `understated` the file gives standard deviations, which are `UNDERSTATED` times too small.
+    """
     rng = np.random.default_rng([seed, 20161231])
     m = draw_measurement(rng, shuffled=shuffled)
-    logarithm, strength = hidden(m, name, d_prime, rng)
+    if strength is None:
+        logarithm, strength = hidden(m, name, d_prime, rng)
+    else:
+        logarithm, d_prime = np.log(EFFECTS[name](solid(m.constants, m.omega), m, strength)), float("nan")
     modulus = np.exp(logarithm + NOISE * draw_noise(noise, m, rng))
     order = np.argsort(m.clock.ravel())
     columns = (
@@ -302,9 +312,13 @@ def write(
         modulus.imag.ravel(),
         m.clock.ravel(),
     )
+    header = "frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa,time_s"
+    if noise == "understated":
+        deviation = NOISE / UNDERSTATED * np.abs(modulus.ravel())
+        columns = (*columns, deviation, deviation)
+        header += ",storage_modulus_sd_pa,loss_modulus_sd_pa"
     rows = np.stack(columns, axis=-1)[order]
     rows = rows[rows[:, 3] > 0.0]  # a person leaves out a loss modulus that noise made negative
-    header = "frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa,time_s"
     np.savetxt(data, rows, delimiter=",", header=header, comments="", fmt="%.10g")
     hides = {"seed": seed, "hidden": name, "strength": strength, "d_prime": d_prime, "noise": noise}
     key.write_text(json.dumps(hides | {"strength_of_readings": strength * _readings(name, m, modulus)}))
