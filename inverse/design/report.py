@@ -61,16 +61,20 @@ def in_words(design: Design) -> list[str]:
     now = (
         f"What {listed} do to these data, fitted constants taken off, is as little as {short['angle_deg']:.0f} degrees "
         f"apart: at the strengths estimated, the right one of two looks likelier in "
-        f"{100.0 * short['probability_right']:.0f} % of cases at least."
+        f"{_percent(short['probability_right'])} of cases at least."
     )
     best = short["measurement"]
     if best is None:
         return [now, *design.notes]
     return [
         f"{now} Of {len(design.rated)} measurements that could be made next, {best['words']} separates them best: "
-        f"{best['angle_deg']:.0f} degrees, {100.0 * best['probability_right']:.0f} %. `arfjax design` lists them all, "
+        f"{best['angle_deg']:.0f} degrees, {_percent(best['probability_right'])}. `arfjax design` lists them all, "
         "simulates the best, and diagnoses it again."
     ]
+
+
+def _percent(probability: float) -> str:
+    return "more than 99 %" if probability > 0.995 else f"{100.0 * probability:.0f} %"
 
 
 def _separation(found: Separation) -> dict[str, Any]:

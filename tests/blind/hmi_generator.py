@@ -359,6 +359,7 @@ def write(
     d_prime: float = 4.5,
     noise: str = "white",
     size: float = NOISE,
+    strength: float | None = None,
 ) -> None:
     """Simulate one measurement; the file in `data` says nothing of what is in `key`.
 
@@ -372,17 +373,20 @@ def write(
         d_prime: Its strength.
         noise: Kind of noise.
         size: Its relative standard deviation.
+        strength: Of the effect, instead of what `d_prime` asks for.
     """
     rng = np.random.default_rng([seed, 20161231])
     tissue = np.random.default_rng([int(rng.integers(TISSUES)), seed >= TEST_SEEDS, 20161231])
     z = np.clip(tissue.standard_normal(9), -1.5, 1.5) * 0.6
     shown = np.concatenate([_readings(final) for final in FINAL])
-    strength, added = 0.0, np.zeros(len(shown))
-    if name in UNKNOWN:
+    added, asked = np.zeros(len(shown)), d_prime if strength is None else None
+    if name == "none" or strength is not None:
+        strength = strength or 0.0
+    elif name in UNKNOWN:
         direction = UNKNOWN[name](shown, rng)
         strength = strength_of(ruler, z, lambda _, s: s * direction / size, d_prime, name)
         added = strength * direction
-    elif name != "none":
+    else:
         first = FIRST_STRENGTH[name] * d_prime * size / NOISE
         strength = strength_of(
             ruler, z, lambda plain, s: (ruler.curves(z, name, s)[0] - plain) / size, d_prime, name, first
@@ -395,7 +399,5 @@ def write(
     lines = [f"{a},{t:.6g},{s:.6g},{p:.10g}" for a, t, s, p in zip(labels, time, shown, percent, strict=True)]
     data.write_text("\n".join(["sonication,time_s,temperature_c,displacement_percent", *lines]) + "\n")
     key.write_text(
-        json.dumps(
-            {"seed": seed, "hidden": name, "strength": strength, "d_prime": d_prime, "noise": noise, "size": size}
-        )
+        json.dumps({"seed": seed, "hidden": name, "strength": strength, "d_prime": asked, "noise": noise, "size": size})
     )

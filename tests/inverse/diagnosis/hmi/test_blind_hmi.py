@@ -7,7 +7,8 @@ import dataclasses
 
 import pytest
 
-from benchmarks.diagnosis_hmi import Condition, one_set, prepared_bench
+from benchmarks.diagnosis_hmi import Condition, diagnosed, one_set, prepared_bench
+from inverse.datasets.hmi import read_hmi
 from tests.blind import hmi_generator as blind
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
@@ -35,6 +36,16 @@ def test_nothing_hidden_and_a_coarser_mesh_is_no_cause(bench):
 def test_effect_without_a_name_gets_none(bench):
     found = one_set(Condition("unknown", "bump", 12.0), blind.TEST_SEEDS + 60, bench)
     assert found["verdict"] == "unexplained" and found["named"] == []
+
+
+def test_warming_of_the_path_is_hidden_cannot_be_seen_and_is_said_to_be(bench, tmp_path):
+    """Two kelvin take one percent of the force, of which fitted constants imitate most, and a reading has as much."""
+    data, key, seed = tmp_path / "data.csv", tmp_path / "key.json", blind.TEST_SEEDS + 90
+    blind.write(data, key, fine=bench.fine, ruler=bench.ruler, seed=seed, name="path-heating", strength=2.0)
+    found = diagnosed(bench, read_hmi(data), seed)
+    hidden = {one.name: one for one in found.not_testable}
+    assert "hydrophone" in hidden["path-heating"].what_would_help and hidden["path-heating"].why
+    assert found.named == ()
 
 
 @pytest.fixture(scope="module")
