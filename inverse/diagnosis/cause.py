@@ -73,7 +73,8 @@ class Cause(eqx.Module):
         place: Closure of the model that it extends.
         unit: Of the strength.
         sign: 1 if the strength cannot be negative, 0 if it may have either sign.
-        plausible: Scale of strengths that one would believe; half-normal or normal prior.
+        plausible: Scale of strengths that one would believe. A cause that shows only far above it is not testable, and
+            searches begin by it; no estimate is held back by it.
         largest: Strength, of either sign, beyond which there is no such effect or nothing is known of it.
         shapes: Values of a second parameter to screen, ascending; (0.0,) for a cause without one. A refit moves it
             between the first and the last.

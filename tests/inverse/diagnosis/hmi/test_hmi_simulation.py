@@ -17,11 +17,12 @@ from inverse.design.hmi_proposals import THERMOCOUPLE
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi import refit
-from inverse.diagnosis.hmi.cause import OFF_AXIS_REACH
+from inverse.diagnosis.hmi.cause import OFF_AXIS_REACH, HmiCause
 from inverse.diagnosis.hmi.correction import Correction
 from inverse.diagnosis.hmi.diagnosis import fit_remarks
 from inverse.diagnosis.hmi.examination import Refits
 from inverse.diagnosis.hmi.fitting import moved_by
+from inverse.diagnosis.hmi.prepare import hmi_problem_of
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.program import HmiProgram
@@ -30,6 +31,7 @@ from inverse.hmi_model import predict
 from tests.inverse.diagnosis.hmi.cases import (
     TEMPERATURES,
     at_strength,
+    curves,
     fitted_with,
     measured_with,
     strength_and_shape,
@@ -68,6 +70,28 @@ def test_nothing_at_strength_0_and_something_at_a_plausible_one(problem, cause):
         assert np.max(np.abs(change)) < 1e-6
     else:
         assert 1e-4 < np.max(np.abs(change)) < 2.0
+
+
+class LatePush(HmiCause):
+    """Tracking that begins late: a cause that is in no library."""
+
+    name, place, unit, sign, plausible = "late-push", "instruments: tracking", "1", 1, 0.1
+    sentence, helps, source = "The trigger drifts.", "The whole course of a push.", "assumed"
+
+    def measured(self, displacement, conditions, strength, shape):
+        return displacement * (1.0 - strength * conditions.share**2)
+
+
+@pytest.mark.slow
+def test_a_cause_of_one_s_own_does_to_the_curves_what_it_says(prepared, described, settings):
+    blank = curves(np.full(len(TEMPERATURES), 100.0))
+    own = hmi_problem_of(prepared, blank, described, settings, (LatePush(),))
+    change = at_strength(own, own.program.causes[0], 2.0)[1] - at_strength(own, own.program.causes[0], 0.0)[1]
+    passed = np.asarray(own.rows.time) / 60.0
+    for number in range(2):
+        mine = own.rows.sonication == number
+        lost = np.log(1.0 - 0.2 * passed[mine] ** 2)
+        np.testing.assert_allclose(change[mine] - change[mine][0], lost - lost[0], atol=1e-6)
 
 
 @pytest.mark.parametrize("cause", HMI_CAUSES, ids=lambda cause: cause.name)

@@ -1,0 +1,36 @@
+"""What the documents show can be run."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import inverse
+from inverse.diagnosis.choice import find_causes
+
+ROOT = Path(__file__).parent.parent
+
+
+def code_of(document):
+    """Blocks of Python in a document."""
+    return re.findall(r"```python\n(.*?)```", (ROOT / document).read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """What `inverse.diagnose` is asked for."""
+    given = []
+    monkeypatch.setattr(inverse, "diagnose", lambda *data, **wanted: given.append((data, wanted)))
+    return given
+
+
+def test_a_cause_of_one_s_own_is_shown_as_it_runs(asked):
+    """The same as in test_diagnosis_in_python.py (of a DMA) and test_hmi_simulation.py, where they meet data."""
+    blocks = [code for code in code_of("CONTRIBUTING.md") if "inverse.diagnose(" in code]
+    for code in blocks:
+        exec(compile(code, "CONTRIBUTING.md", "exec"), {})
+    (_, of_dma), (_, of_curves) = asked
+    for wanted, own in ((of_dma, "backlash"), (of_curves, "late-push")):
+        # Refused if it is of another kind, or lacks what a cause says of itself.
+        found = find_causes(wanted["causes"], wanted["causes"][:-1])
+        assert found[-1].name == own and found[-1].sentence.endswith(".") and found[-1].shapes
