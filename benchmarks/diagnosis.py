@@ -26,7 +26,7 @@ import numpy as np
 import arfjax as ax
 from benchmarks.diagnosis_docs import DMA_STUDY, write_docs
 from benchmarks.diagnosis_limits import dma_design, limits, removed_limits
-from benchmarks.diagnosis_record import FIRST_TEST_SEED, arguments, recorded, stamp
+from benchmarks.diagnosis_record import FIRST_TEST_SEED, arguments, code_of, recorded, stamp
 from benchmarks.diagnosis_summary import summarise
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
@@ -161,6 +161,7 @@ def main() -> None:
     summary = {
         "benchmark": "diagnosis",
         "seeds": "development" if given.development else "test",
+        "code": code_of(lines, stamp(SOURCES)),
         **summarise(lines, limits(designs, STRENGTHS), removed_limits(quiet, TESTABLE, UNKNOWN_STRENGTHS)),
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }

@@ -207,6 +207,7 @@ def page(summary: dict[str, Any], study: Study) -> str:
             "gives to somebody who knows the directions, and of the noise only the family that it is from, as the "
             "diagnosis does.",
             "",
+            *([summary["code"], ""] if summary.get("code") else []),
             f"![Power, attribution and false alarms]({study.picture})",
             "",
             *_asked(summary),

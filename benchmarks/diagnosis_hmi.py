@@ -28,7 +28,7 @@ import numpy as np
 import arfjax as ax
 from benchmarks.diagnosis_docs import HMI_STUDY, write_docs
 from benchmarks.diagnosis_limits import Design, limits, projected_length
-from benchmarks.diagnosis_record import FIRST_TEST_SEED, arguments, recorded, stamp
+from benchmarks.diagnosis_record import FIRST_TEST_SEED, arguments, code_of, recorded, stamp
 from benchmarks.diagnosis_summary import NO_DATA, summarise
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.datasets.shipped import shipped
@@ -218,6 +218,7 @@ def main() -> None:
     summary = {
         "benchmark": "diagnosis_hmi",
         "seeds": "development" if given.development else "test",
+        "code": code_of(lines, stamp(SOURCES)),
         **summarise(lines, limits([design(prepared_bench(), todo[0][1] - 1)], STRENGTHS)),
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }

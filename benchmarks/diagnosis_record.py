@@ -1,7 +1,7 @@
 """The record of a study of the diagnosis: a line of JSON for every data set, so that a study goes on where it stopped.
 
-Every line has the stamp of the code that made it, and lines of other code are refused: rates of two codes are rates of
-none.
+Every line has the stamp of the code that made it, and lines of other code are not added to: rates of two codes are
+rates of none. A record of one earlier code can still be summed up, which the page then says.
 """
 
 import argparse
@@ -41,7 +41,7 @@ def arguments(description: str | None, *, out: str, sets: int) -> argparse.Argum
     parser.add_argument("--out", type=Path, default=Path("results/benchmarks") / out)
     parser.add_argument("--sets", type=int, default=sets, help="rounds: sets of each condition")
     parser.add_argument("--only", default="", help="part of the study: known, null, unknown or removed")
-    parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so long")
+    parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so long; 0: sum up what there is")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     parser.add_argument("--development", action="store_true", help="seeds on which things may be tried")
     parser.add_argument("--docs", type=Path, help="folder for the table and the figure")
@@ -54,7 +54,7 @@ def recorded(
     given: argparse.Namespace,
     made_by: str,
 ) -> list[dict[str, Any]]:
-    """Lines of the record, those that were missing added.
+    """Lines of the record, those that were missing added, unless no time is given for it.
 
     Args:
         work: Makes the line of one condition and seed.
@@ -67,11 +67,13 @@ def recorded(
     """
     given.out.parent.mkdir(parents=True, exist_ok=True)
     lines = [json.loads(row) for row in given.out.read_text().splitlines()] if given.out.exists() else []
-    others = sum(line.get("stamp") != made_by for line in lines)
-    if others:
+    stamps = {line.get("stamp") for line in lines}
+    if not given.minutes > 0.0 and len(stamps) == 1:
+        return lines
+    if stamps - {made_by}:
         raise SystemExit(
-            f"{given.out}: {others} of {len(lines)} lines were made by other code than this ({made_by}); put the file "
-            "away, or give another one as --out."
+            f"{given.out}: has lines that other code than this ({made_by}) made; put the file away, give another one as "
+            "--out, or sum up what there is with --minutes 0, if all of it was made by one code."
         )
     done = {(line["part"], line["seed"]) for line in lines}
     missing = [one for one in todo if given.only in ("", one[0].part) and (one[0].part, one[1]) not in done]
@@ -81,3 +83,11 @@ def recorded(
             record.write(json.dumps(lines[-1]) + "\n")
             record.flush()
     return lines
+
+
+def code_of(lines: Sequence[dict[str, Any]], made_by: str) -> str:
+    """Which code made a record, in a sentence; nothing if it is this one."""
+    (found,) = {line["stamp"] for line in lines} or {made_by}
+    if found == made_by:
+        return ""
+    return f"The code was changed since (it had the stamp {found}, it has {made_by}): CHANGELOG.md says in what."

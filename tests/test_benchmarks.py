@@ -9,7 +9,7 @@ import pytest
 from benchmarks import acoustics, diagnosis, diagnosis_hmi, diagnosis_hmi_fast, inference, mechanics, protocols
 from benchmarks.diagnosis_docs import DMA_STUDY, HMI_STUDY, write_docs
 from benchmarks.diagnosis_limits import Design, projected_length
-from benchmarks.diagnosis_record import arguments, recorded, stamp
+from benchmarks.diagnosis_record import arguments, code_of, recorded, stamp
 from benchmarks.diagnosis_summary import rate, summarise
 from inverse.diagnosis.noise import noise_family, series
 from inverse.diagnosis.screening import Alternative
@@ -99,14 +99,20 @@ def test_seeds_of_development_and_test_are_disjoint_and_no_two_sets_share_one():
             assert (max(seeds) < study.blind.TEST_SEEDS) == development
 
 
-def test_records_of_other_code_are_refused(tmp_path):
+def test_records_of_other_code_are_not_added_to_but_summed_up_and_said_to_be(tmp_path):
     (tmp_path / "new.txt").write_text("new")
     given = arguments("", out="any.jsonl", sets=1).parse_args(["--out", str(tmp_path / "some.jsonl")])
     todo = [(diagnosis.Condition("null", "none", 0.0, "white", 1), 5)]
     made = recorded(lambda condition, seed: {"part": condition.part, "seed": seed}, todo, given, "this")
     assert made == [{"part": "null", "seed": 5, "stamp": "this"}]
     assert recorded(lambda *_: pytest.fail("it was done"), todo, given, "this") == made
-    with pytest.raises(SystemExit, match="1 of 1 lines were made by other code"):
+    with pytest.raises(SystemExit, match=r"some.jsonl: has lines that other code than this \(that\) made"):
+        recorded(lambda *_: {}, todo, given, "that")
+    given.minutes = 0.0
+    assert recorded(lambda *_: pytest.fail("only summed up"), todo, given, "that") == made
+    assert code_of(made, "this") == "" and "it had the stamp this, it has that" in code_of(made, "that")
+    given.out.write_text(given.out.read_text() + '{"part": "null", "seed": 6, "stamp": "another"}\n')
+    with pytest.raises(SystemExit, match="made by one code"):
         recorded(lambda *_: {}, todo, given, "that")
     assert stamp(["tests/test_benchmarks.py"]) != stamp(["tests/test_benchmarks.py", "benchmarks/spread.py"])
 

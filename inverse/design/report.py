@@ -60,7 +60,7 @@ def in_words(design: Design) -> list[str]:
     listed = " and ".join([", ".join(short["causes"][:-1]), short["causes"][-1]])
     now = (
         f"What {listed} do to these data, fitted constants taken off, is as little as {short['angle_deg']:.0f} degrees "
-        f"apart: at the strengths estimated, the right one of two looks likelier in "
+        f"apart: each as strong as estimated, or as would surely be seen, the right one of two looks likelier in "
         f"{_percent(short['probability_right'])} of cases at least."
     )
     best = short["measurement"]

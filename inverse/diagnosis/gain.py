@@ -90,8 +90,8 @@ def held_out_gain(
     per_group = np.array([np.sum(gains[member == one]) / np.sum(counts[member == one]) for one in groups])
     return Gain(
         split=split,
-        rmse_before=_root_mean_square([b[0] for b in before]),
-        rmse_after=_root_mean_square([a[0] for a in after]),
+        rmse_before=root_mean_square([b[0] for b in before]),
+        rmse_after=root_mean_square([a[0] for a in after]),
         log_score_gain=float(np.sum(gains) / np.sum(counts)),
         standard_error=float(np.std(per_group, ddof=1) / np.sqrt(len(groups))),
         unfinished=sum(one[2] for one in scored),
@@ -203,6 +203,7 @@ def _score(refit: Refit, noise: Noise, unknowns: Float[np.ndarray, " unknown"], 
     return plain[scored] / weights.ravel()[scored], float(np.sum(density))
 
 
-def _root_mean_square(parts: Sequence[Float[np.ndarray, " _"]]) -> float:
+def root_mean_square(parts: Sequence[Float[np.ndarray, " _"]]) -> float:
+    """Of several blocks together."""
     together = np.concatenate(parts)
     return float(np.sqrt(np.mean(together**2)))

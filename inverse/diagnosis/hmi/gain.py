@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float
 
-from inverse.diagnosis.gain import LEAST_FOLDS, Gain
+from inverse.diagnosis.gain import LEAST_FOLDS, Gain, root_mean_square
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import fit_hmi
@@ -48,8 +48,8 @@ def held_out_gain_hmi(noise: Noise, *, size: float, null: HmiFit, extended: HmiF
     counts = np.array([len(a[0]) for a in after])
     return Gain(
         split=split,
-        rmse_before=_root_mean_square([b[0] for b in before]),
-        rmse_after=_root_mean_square([a[0] for a in after]),
+        rmse_before=root_mean_square([b[0] for b in before]),
+        rmse_after=root_mean_square([a[0] for a in after]),
         log_score_gain=float(np.sum(gains) / np.sum(counts)),
         standard_error=float(np.std(gains / counts, ddof=1) / np.sqrt(len(folds))),
         unfinished=int(lost),
@@ -89,8 +89,3 @@ def _freedom(fit: HmiFit, used: Bool[np.ndarray, " row"]) -> int:
     factors = len(np.unique(fit.problem.rows.sonication[used]))
     moved = fit.directions.shape[1] - fit.problem.factors.shape[1]
     return max(int(np.sum(used)) - factors - moved, 1)
-
-
-def _root_mean_square(parts: Sequence[Float[np.ndarray, " _"]]) -> float:
-    together = np.concatenate(parts)
-    return float(np.sqrt(np.mean(together**2)))
