@@ -72,8 +72,8 @@ def recorded(
         return lines
     if stamps - {made_by}:
         raise SystemExit(
-            f"{given.out}: has lines that other code than this ({made_by}) made; put the file away, give another one as "
-            "--out, or sum up what there is with --minutes 0, if all of it was made by one code."
+            f"{given.out}: has lines that other code than this ({made_by}) made; put the file away, give another one "
+            "as --out, or sum up what there is with --minutes 0, if all of it was made by one code."
         )
     done = {(line["part"], line["seed"]) for line in lines}
     missing = [one for one in todo if given.only in ("", one[0].part) and (one[0].part, one[1]) not in done]

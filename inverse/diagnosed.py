@@ -156,7 +156,7 @@ def _of_dma(data: DmaData, name: str, model: ZenerModel, asked: _Asked) -> Diagn
 
     def design(names: Sequence[str]) -> Design:
         return design_dma(
-            data, found=found, causes=names, model=model, library=causes, check=False, seed=asked.seed,
+            data, found=found, causes=names, model=model, library=causes, check=False, locate=False, seed=asked.seed,
             on_step=asked.on_step,
         )  # fmt: skip
 

@@ -17,7 +17,8 @@ from inverse.diagnosed import MODELS
 from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES
 from inverse.diagnosis.choice import find_causes
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
-from inverse.output import output_directory, write_json, write_summary
+from inverse.figures.design import design_figure
+from inverse.output import output_directory, write_figures, write_json, write_summary
 
 
 def design_command(
@@ -37,8 +38,8 @@ def design_command(
 ) -> None:
     """Say which further measurement would best tell the causes apart that a diagnosis leaves, and check it.
 
-    Further sweeps after a DMA, or a further sonication after HMI. Writes design.json, report.md and summary.json into
-    the folder `out`.
+    Further sweeps after a DMA, or a further sonication after HMI. Writes design.json, report.md, a figure (PNG and PDF)
+    and summary.json into the folder `out`.
     """
     jax.config.update("jax_enable_x64", True)
     if (dma is None) == (hmi is None):
@@ -70,7 +71,8 @@ def design_command(
         if not found.rated:
             raise InputError(f"{file}: {' '.join(found.notes)}")
         write_json(folder / "design.json", as_json(found))
-        (folder / "report.md").write_text(report(found, file.name), encoding="utf-8")
+        figures = write_figures(folder, {"design": design_figure(found)})
+        (folder / "report.md").write_text(report(found, file.name, figures), encoding="utf-8")
         write_summary(
             folder,
             command="design",

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from arfjax import InputError
+from inverse.design.dma_information import Information
 from inverse.design.separation import Separation
 from inverse.diagnosis.cause import AnyCause, Extension
 from inverse.diagnosis.choice import find_causes
@@ -78,6 +79,7 @@ class Design:
         size: Standard deviation of the noise that was assumed, relative.
         seed: Of random orders and simulations.
         notes: What was left out, and why.
+        information: Where a single further reading of a DMA would tell most; None for curves of displacement.
     """
 
     causes: dict[str, float]
@@ -87,6 +89,7 @@ class Design:
     size: float
     seed: int
     notes: tuple[str, ...] = ()
+    information: Information | None = None
 
 
 def alive(

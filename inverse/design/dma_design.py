@@ -9,6 +9,7 @@ from jaxtyping import Complex, Float
 from arfjax import FractionalZener, complex_modulus
 from inverse.datasets.dma import DmaData
 from inverse.design.design import Check, Design, Rated, alive
+from inverse.design.dma_information import dma_information
 from inverse.design.dma_proposals import DmaProposal, dma_proposals
 from inverse.design.separation import Separation, separation
 from inverse.diagnosis.cause import DmaCause, Extension, predicted_modulus
@@ -28,6 +29,7 @@ def design_dma(
     model: ZenerModel = FRACTIONAL,
     library: Sequence[DmaCause] = DMA_CAUSES,
     check: bool = True,
+    locate: bool = True,
     seed: int = 0,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Design:
@@ -40,6 +42,7 @@ def design_dma(
         model: The null model.
         library: Causes.
         check: Whether to simulate the best proposal with each cause and to diagnose it again.
+        locate: Whether to look where a single further reading would tell most of the two causes that are most alike.
         seed: Of random orders and simulations.
         on_step: Told what is being done.
 
@@ -72,7 +75,12 @@ def design_dma(
             again = diagnose_dma(simulated, model=model, causes=library, seed=seed, gain=False)
             checks.append(Check(extension.cause.name, again.verdict, again.named))
     names = {e.cause.name: float(s) for e, s in zip(extensions, strengths, strict=True)}
-    return Design(names, now, tuple(Rated(*one) for one in rated), tuple(checks), size, seed)
+    information = None
+    if locate:
+        on_step("where one more reading tells most")
+        pair = list(now.closest)
+        information = dma_information(found.problem, [extensions[i] for i in pair], strengths[pair], size, library)
+    return Design(names, now, tuple(Rated(*one) for one in rated), tuple(checks), size, seed, (), information)
 
 
 def _separation(problem: DmaProblem, extensions, strengths, size: float) -> Separation:

@@ -1,13 +1,19 @@
 """A design in words and as JSON."""
 
+from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from inverse.design.design import Design
+from inverse.design.dma_information import Information
 from inverse.design.separation import Separation
 from inverse.software import versions
 
 SCHEMA_VERSION = 2
 """Of design.json; keys do not change without a new number."""
+_TWENTY_TO_ONE = 3.0
+"""Nat."""
 
 
 def as_json(design: Design) -> dict[str, Any]:
@@ -26,6 +32,7 @@ def as_json(design: Design) -> dict[str, Any]:
             }
             for one in design.rated
         ],
+        "reading": _reading(design),
         "notes": list(design.notes),
         "checks": [{"hidden": one.hidden, "verdict": one.verdict, "named": list(one.named)} for one in design.checks],
         "noise": design.size,
@@ -73,6 +80,34 @@ def in_words(design: Design) -> list[str]:
     ]
 
 
+def _reading(design: Design) -> dict[str, Any] | None:
+    """The single further reading that tells most, and of which causes."""
+    found = design.information
+    if found is None:
+        return None
+    return {
+        "causes": list(found.causes),
+        "temperature_c": found.best_temperature,
+        "frequency_hz": found.best_frequency,
+        "information_nat": found.best,
+    }
+
+
+def _information(found: Information | None) -> list[str]:
+    """The same in a sentence."""
+    if found is None:
+        return []
+    needed = int(np.ceil(_TWENTY_TO_ONE / max(found.best, 1e-9)))
+    one, other = found.causes
+    return [
+        f"A single reading would tell {one} from {other} best at {found.best_temperature:.0f} degC and "
+        f"{found.best_frequency:.3g} Hz, first thing after a change of temperature: with both as they fit these data, "
+        f"it is expected to favour the true one by {found.best:.2g} nat. Twenty to one takes "
+        f"{'no more than one' if needed == 1 else f'{needed} or more'} of them.",
+        "",
+    ]
+
+
 def _percent(probability: float) -> str:
     return "more than 99 %" if probability > 0.995 else f"{100.0 * probability:.0f} %"
 
@@ -86,8 +121,14 @@ def _separation(found: Separation) -> dict[str, Any]:
     }
 
 
-def report(design: Design, name: str) -> str:
-    """The report in Markdown."""
+def report(design: Design, name: str, figures: Sequence[str] = ()) -> str:
+    """The report in Markdown.
+
+    Args:
+        design: What is reported.
+        name: Of the data.
+        figures: Names of their files.
+    """
     listed = ", ".join(f"{cause} ({strength:.3g})" for cause, strength in design.causes.items())
     best = design.rated[0]
     lines = [
@@ -107,6 +148,7 @@ def report(design: Design, name: str) -> str:
         "measurement, as that of drying does, counts over the longer one.",
         "",
     ]
+    lines += [f"![{figure}]({figure})" for figure in figures] + [""] + _information(design.information)
     lines += [line for note in design.notes for line in (note, "")]
     if design.checks:
         lines += [f"## {best.proposal.name}, simulated and diagnosed again", "", "| put in | verdict | named |"]

@@ -42,6 +42,13 @@ class Separation:
         return float(np.min(self.right[off])) if np.any(off) else float("nan")
 
     @property
+    def closest(self) -> tuple[int, int]:
+        """Places of the two that are the hardest to tell apart."""
+        right = np.where(np.eye(len(self.names), dtype=bool), np.inf, self.right)
+        one, other = np.unravel_index(int(np.argmin(right)), right.shape)
+        return int(one), int(other)
+
+    @property
     def angle(self) -> float:
         """The least angle between two causes' projected directions, from 0 to 90 [deg]; NaN for one cause alone."""
         off = ~np.eye(len(self.names), dtype=bool)

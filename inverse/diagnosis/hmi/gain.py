@@ -4,8 +4,6 @@ Each sonication is left out in turn: constants and strengths come from the other
 With one sonication, blocks of neighbouring temperatures are left out instead. A gain proves no cause.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Bool, Float
 

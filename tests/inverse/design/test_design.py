@@ -1,19 +1,26 @@
 """The next measurement: its geometry, and that it does what is promised of it."""
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 
+from arfjax import InputError
 from inverse.commands.main import run
 from inverse.datasets.dma import read_dma
 from inverse.design import design_dma
+from inverse.design.dma_information import dma_information
 from inverse.design.dma_proposals import dma_proposals
 from inverse.design.separation import separation
-from inverse.diagnosis import diagnose_dma
+from inverse.diagnosis import DMA_CAUSES, diagnose_dma
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.extended_fit import fit_extended
+from inverse.diagnosis.noise import noise_family
 from tests.blind import dma_generator as blind
 
 LIKE = ("sweep-drift", "bath-viscosity")
+STEADY = ("noise-floor", "strain-nonlinearity")
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +53,12 @@ def test_probability_of_the_right_one_is_that_of_simulated_statistics():
         # Four standard errors of a share of so many.
         assert abs(share - told.right[true, other]) < 4.0 * np.sqrt(0.25 / count)
     np.testing.assert_allclose(told.cosine[0, 1], units[:, 0] @ units[:, 1], rtol=1e-12)
-    assert told.worst == min(told.right[0, 1], told.right[1, 0])
+    assert told.worst == min(told.right[0, 1], told.right[1, 0]) == told.right[told.closest]
+    lines = directions - basis @ (basis.T @ directions)
+    # The angle between two lines, from 0 to 90 degrees: by its tangent, along and across the first.
+    along = units[:, 0] @ lines[:, 1]
+    across = np.linalg.norm(lines[:, 1] - along * units[:, 0])
+    np.testing.assert_allclose(told.angle, np.degrees(np.arctan2(across, abs(along))), rtol=1e-9)
 
 
 def test_proposals_come_after_what_was_measured_and_are_what_they_say(file):
@@ -92,10 +104,44 @@ def test_command_writes_what_it_found_and_the_promise_is_kept(file, tmp_path):
     # Promised to be told apart in nearly all cases: neither is given the other's name alone.
     for one, other in zip(content["checks"], reversed(LIKE), strict=True):
         assert one["verdict"] != "adequate" and one["named"] != [other]
-    assert best["words"] in (out / "report.md").read_text()
+    report = (out / "report.md").read_text()
+    assert best["words"] in report and "A single reading would tell" in report
+    assert set(content["reading"]["causes"]) == set(LIKE) and content["reading"]["information_nat"] > 0.0
+    assert (out / "design.png").stat().st_size > 10_000 and (out / "design.pdf").exists()
 
 
-def test_one_cause_is_nothing_to_tell_apart(file, capsys, tmp_path):
-    out = tmp_path / "out"
-    assert run(["design", "--dma", str(tmp_path / "none.csv"), "--out", str(out)]) == 2
-    assert "none.csv" in capsys.readouterr().err and not out.exists()
+def test_one_cause_is_nothing_to_tell_apart(file, found):
+    data = read_dma(file)
+    with pytest.raises(InputError, match="there is no cause 'gremlins'"):
+        design_dma(data, causes=("slip", "gremlins"))
+    with pytest.raises(InputError, match="cannot see 'clamp-compliance'; they see"):
+        design_dma(data, found=found, causes=("slip", "clamp-compliance"))
+    twice = design_dma(data, found=found, causes=("slip", "slip", "drying"), check=False, locate=False)
+    assert twice.now.names == ("slip", "drying") and twice.information is None
+    failed = dataclasses.replace(found, verdict="fit-failure", noise=None, causes=())
+    with pytest.raises(InputError, match="the fit of these data failed"):
+        design_dma(data, found=failed)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_reading_tells_as_much_as_fits_of_two_causes_differ_and_the_best_is_at_the_top(found):
+    """Neither cause looks at the time: where something was measured already, fits differ as their residuals do."""
+    known = {one.cause.name: one for one in found.causes}
+    extensions = [Extension(known[name].cause, known[name].shape or 0.0) for name in STEADY]
+    strengths, size = np.array([known[name].detectability for name in STEADY]), 0.02
+    told = dma_information(found.problem, extensions, strengths, size, DMA_CAUSES)
+    white = noise_family(found.problem.orderings(), found.problem.frequencies(), unit="Hz")[0]
+    one, other = (
+        fit_extended(found.problem, (extension,), white, np.array([strength]), library=DMA_CAUSES, profile=False)
+        for extension, strength in zip(extensions, strengths, strict=True)
+    )
+    between = ((one.residuals - other.residuals) / found.problem.weights.ravel()).reshape(-1, 2)
+    expected = 0.5 * np.sum(between**2, axis=1) / size**2
+    omega = np.asarray(found.problem.conditions.angular_frequency)
+    for end, frequency in ((0, omega.min()), (-1, omega.max())):
+        rows = np.flatnonzero(omega == frequency)
+        rows = rows[np.argsort(np.asarray(found.problem.conditions.temperature)[rows])]
+        np.testing.assert_allclose(told.nat[:, end], expected[rows], rtol=1e-6)
+    assert told.best >= np.max(told.nat) and told.best_temperature in told.temperature
+    assert told.frequency[0] * (1.0 - 1e-9) <= told.best_frequency <= told.frequency[-1] * (1.0 + 1e-9)
