@@ -87,7 +87,7 @@ def recorded(
 
 def code_of(lines: Sequence[dict[str, Any]], made_by: str) -> str:
     """Which code made a record, in a sentence; nothing if it is this one."""
-    (found,) = {line["stamp"] for line in lines} or {made_by}
+    (found,) = {line.get("stamp") for line in lines} or {made_by}
     if found == made_by:
         return ""
     return f"The code was changed since (it had the stamp {found}, it has {made_by}): CHANGELOG.md says in what."

@@ -39,7 +39,8 @@ class Diagnosed:
         content: What `diagnosis.json` holds: verdict, omnibus, causes, named, confusable, separation, not_testable, ...
         name: Of the data, for the report.
         details: Fits, statistics and noise behind it.
-        design: What would separate causes that these data cannot tell apart; None if there are none.
+        design: What would separate causes that these data cannot tell apart; None if there are none, if they come in
+            pairs, or if not asked for.
     """
 
     content: dict[str, Any]
@@ -102,7 +103,8 @@ def diagnose(
         level: Probability of finding fault with a right model.
         seed: Of starts and replicates.
         gain: Whether to measure what the extension gains on data left out.
-        separate: Whether to look for the measurement that would separate causes that these data cannot tell apart.
+        separate: Whether to look for the measurement that would separate causes that these data cannot tell apart, if
+            each explains them alone.
         trust_units: Believe units that look wrong.
         on_step: Told what is being done.
 
@@ -143,7 +145,9 @@ class _Asked:
     def answered(self, found: Diagnosis, name: str, design: Callable[[Sequence[str]], Design]) -> Diagnosed:
         """The answer, with what would separate causes that the data cannot tell apart."""
         apart = next(iter(found.confusable), ())
-        designed = design(apart) if self.separate and len(apart) > 1 else None
+        # Of causes that stand for one another; of pairs, those of one pair do not.
+        single = found.decision is not None and all(len(names) == 1 for names in found.decision.explanations)
+        designed = design(apart) if self.separate and single and len(apart) > 1 else None
         separation = [] if designed is None else [in_short(designed)]
         return Diagnosed({**as_json(found), "separation": separation}, name, found, designed)
 

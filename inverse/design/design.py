@@ -79,7 +79,7 @@ class Design:
         size: Standard deviation of the noise that was assumed, relative.
         seed: Of random orders and simulations.
         notes: What was left out, and why.
-        information: Where a single further reading of a DMA would tell most; None for curves of displacement.
+        information: Where a single further reading of a DMA would tell most; None if not asked for, and for curves.
     """
 
     causes: dict[str, float]

@@ -42,7 +42,7 @@ def design_dma(
         model: The null model.
         library: Causes.
         check: Whether to simulate the best proposal with each cause and to diagnose it again.
-        locate: Whether to look where a single further reading would tell most of the two causes that are most alike.
+        locate: Whether to look where one more reading would tell most of the two that are the hardest to tell apart.
         seed: Of random orders and simulations.
         on_step: Told what is being done.
 
@@ -60,7 +60,7 @@ def design_dma(
     problem, _ = dma_problem(_plain(data), model, seed=seed)
     now = _separation(problem, extensions, strengths, size)
     rated: list[tuple[DmaProposal, Separation]] = []
-    for proposal in dma_proposals(data, seed=seed):
+    for proposal in dma_proposals(data, sample=problem.sweeps[0].sample, seed=seed):
         on_step(f"rating: {proposal.words}")
         together = _with(data, problem, proposal)
         rated.append((proposal, _separation(dma_problem(together, model)[0], extensions, strengths, size)))
@@ -79,7 +79,7 @@ def design_dma(
     if locate:
         on_step("where one more reading tells most")
         pair = list(now.closest)
-        information = dma_information(found.problem, [extensions[i] for i in pair], strengths[pair], size, library)
+        information = dma_information(found.problem, [extensions[i] for i in pair], strengths[pair], size)
     return Design(names, now, tuple(Rated(*one) for one in rated), tuple(checks), size, seed, (), information)
 
 

@@ -1,11 +1,12 @@
 r"""Where one more reading of a sample would tell two causes apart best, found by gradients.
 
-Each cause is put into the model by itself and fitted to the data that there are. A reading at frequency $f$ and one of
-the temperatures measured is then expected to favour the true one by $\| \Delta(f) \|^2 / 2 \sigma^2$ nat, with $\Delta$
-the difference of what the two predict (logarithm of the magnitude, and phase) and $\sigma$ the noise: the criterion of
-Atkinson & Fedorov (1975, Biometrika 62, 57-70) for telling two models apart. At each temperature L-BFGS-B climbs along
-the gradient from the best of some frequencies. At a temperature that was not measured the solid has constants of its
-own, so that one reading there tells nothing.
+Either cause may be the true one, as strong as the data have it. The other one and the constants of the solid are then
+fitted to what it does to the data that there are; $\Delta(f)$ is what that leaves at frequency $f$ and one of the
+temperatures measured (logarithm of the magnitude, and phase), all to first order. A reading there is expected to favour
+the true one by $\| \Delta(f) \|^2 / 2 \sigma^2$ nat, $\sigma$ the noise: the criterion of Atkinson & Fedorov (1975,
+Biometrika 62, 57-70) for telling two models apart, here the smaller of both. At the best temperature L-BFGS-B climbs
+along the gradient from the best of some frequencies. At a temperature that was not measured the solid has constants of
+its own, so that one reading there tells nothing.
 """
 
 import dataclasses
@@ -18,9 +19,7 @@ from jaxtyping import Array, Float, Int
 
 from inverse.bounded import multi_start_bounded
 from inverse.diagnosis.cause import DmaCause, DmaConditions, Extension
-from inverse.diagnosis.dma_problem import DmaProblem, predict_coordinates
-from inverse.diagnosis.extended_fit import ExtendedFit, fit_extended
-from inverse.diagnosis.noise import noise_family
+from inverse.diagnosis.dma_problem import DmaProblem, in_constants, in_strengths
 
 _FREQUENCIES = 29
 """At which information is given."""
@@ -54,35 +53,42 @@ def dma_information(
     extensions: Sequence[Extension[DmaCause]],
     strengths: Float[np.ndarray, " 2"],
     size: float,
-    library: Sequence[DmaCause],
 ) -> Information:
     """Tell what a further reading of the first sample would, as the first of a visit after everything else.
 
     Args:
         problem: What was measured.
         extensions: Two causes.
-        strengths: First guesses of their fits.
+        strengths: That each would have.
         size: Standard deviation of the noise, relative.
-        library: Causes.
     """
-    white = noise_family(problem.orderings(), problem.frequencies(), unit="Hz")[0]
-    fits = [
-        fit_extended(problem, (extension,), white, np.array([strength]), library=library, profile=False)
-        for extension, strength in zip(extensions, strengths, strict=True)
+    fitted, constants = problem.fitted_directions(), jnp.asarray(problem.constants)
+    moved = [one.directions[:, 0] for one in problem.directions(extensions)]
+    imitated = [
+        jnp.asarray(_coefficients(np.column_stack([fitted, moved[1 - true]]), strengths[true] * moved[true]))
+        for true in (0, 1)
     ]
 
     def nat(sweep: Int[Array, ""] | int, log_omega: Float[Array, ""]) -> Float[Array, ""]:
-        one, other = (_coordinates(problem, fit, sweep, log_omega) for fit in fits)
-        return 0.5 * jnp.sum((one - other) ** 2) / size**2
+        conditions = _one_more(problem, jnp.asarray(sweep), log_omega)
+        slopes = in_constants(constants, conditions, problem.has_phase)[-1][..., : len(problem.model.constants())]
+        effects = in_strengths(constants, conditions, tuple(extensions), problem.has_phase)[:, -1]
+        slopes = slopes.reshape(len(slopes), -1)
+        left = [
+            strengths[true] * effects[true] - jnp.column_stack([slopes, effects[1 - true]]) @ imitated[true]
+            for true in (0, 1)
+        ]
+        return 0.5 * jnp.minimum(*(jnp.sum(one**2) for one in left)) / size**2
 
     log_omega = np.log(np.asarray(problem.conditions.angular_frequency))
     lower, upper = log_omega.min(keepdims=True), log_omega.max(keepdims=True)
     grid, members = np.linspace(lower[0], upper[0], _FREQUENCIES), _members(problem)
     over = jax.jit(jax.vmap(jax.vmap(nat, (None, 0)), (0, None)))
     values = np.asarray(over(jnp.asarray(members), jnp.asarray(grid)))
+    largest = max(float(values.max()), 1e-300)
     row, column = np.unravel_index(int(np.argmax(values)), values.shape)
     top = multi_start_bounded(
-        lambda at: -nat(members[row], at[0]) / float(values.max()), jnp.asarray(grid[[column]][None]),
+        lambda at: -nat(members[row], at[0]) / largest, jnp.asarray(grid[[column]][None]),
         jnp.asarray(lower), jnp.asarray(upper), scale=jnp.ones(1),
     )  # fmt: skip
     return Information(
@@ -92,17 +98,14 @@ def dma_information(
         nat=values,
         best_temperature=problem.sweeps[members[row]].temperature_c,
         best_frequency=float(np.exp(top.solutions[0, 0]) / (2.0 * np.pi)),
-        best=-float(top.costs[0]) * float(values.max()),
+        best=-float(top.costs[0]) * largest,
     )
 
 
-def _coordinates(
-    problem: DmaProblem, fit: ExtendedFit, sweep: Int[Array, ""] | int, log_omega: Float[Array, ""]
-) -> Float[Array, " coordinate"]:
-    """Logarithm of the magnitude, and phase where it was measured, of a reading more."""
-    conditions = _one_more(problem, jnp.asarray(sweep), log_omega)
-    constants, strengths = jnp.asarray(fit.constants), jnp.asarray(fit.strengths)
-    return predict_coordinates(constants, conditions, fit.extensions, strengths, problem.has_phase)[-1]
+def _coefficients(directions: Float[np.ndarray, "n p"], target: Float[np.ndarray, " n"]) -> Float[np.ndarray, " p"]:
+    """Of the directions, that come closest to the target."""
+    lengths = np.maximum(np.linalg.norm(directions, axis=0), 1e-300)
+    return np.linalg.lstsq(directions / lengths, target, rcond=None)[0] / lengths
 
 
 def _one_more(problem: DmaProblem, sweep: Int[Array, ""], log_omega: Float[Array, ""]) -> DmaConditions:

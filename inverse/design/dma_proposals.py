@@ -43,15 +43,17 @@ class DmaProposal:
         return float(self.time[-1] - self.time[0])
 
 
-def dma_proposals(data: DmaData, *, seed: int = 0) -> tuple[DmaProposal, ...]:
+def dma_proposals(data: DmaData, *, sample: str | None = None, seed: int = 0) -> tuple[DmaProposal, ...]:
     """What can be done with the same instrument and sample, each about as long as what has been done.
 
     Args:
-        data: What was measured; of several samples the first is measured again.
+        data: What was measured.
+        sample: That is measured again; the first of several without.
         seed: Of orders that are drawn.
     """
     rng = np.random.default_rng(seed)
-    sample = data.sample[0] if data.sample else ""
+    if sample is None:
+        sample = data.sample[0] if data.sample else ""
     rows = [row for row in range(len(data)) if not data.sample or data.sample[row] == sample]
     frequency, temperature = data.frequency_hz[rows], data.temperature_c[rows]
     time = np.arange(len(rows), dtype=float) if data.time_s is None else np.asarray(data.time_s, dtype=float)[rows]

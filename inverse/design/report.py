@@ -14,6 +14,7 @@ SCHEMA_VERSION = 2
 """Of design.json; keys do not change without a new number."""
 _TWENTY_TO_ONE = 3.0
 """Nat."""
+_MANY = 1000.0
 
 
 def as_json(design: Design) -> dict[str, Any]:
@@ -63,6 +64,8 @@ def in_short(design: Design) -> dict[str, Any]:
 
 def in_words(design: Design) -> list[str]:
     """The same for a report."""
+    if not design.rated:
+        return list(design.notes)
     short = in_short(design)
     listed = " and ".join([", ".join(short["causes"][:-1]), short["causes"][-1]])
     now = (
@@ -71,8 +74,8 @@ def in_words(design: Design) -> list[str]:
         f"{_percent(short['probability_right'])} of cases at least."
     )
     best = short["measurement"]
-    if best is None:
-        return [now, *design.notes]
+    if best["probability_right"] <= short["probability_right"]:
+        return [f"{now} None of {len(design.rated)} measurements that could be made next separates them better."]
     return [
         f"{now} Of {len(design.rated)} measurements that could be made next, {best['words']} separates them best: "
         f"{best['angle_deg']:.0f} degrees, {_percent(best['probability_right'])}. `arfjax design` lists them all, "
@@ -97,13 +100,13 @@ def _information(found: Information | None) -> list[str]:
     """The same in a sentence."""
     if found is None:
         return []
-    needed = int(np.ceil(_TWENTY_TO_ONE / max(found.best, 1e-9)))
+    needed = np.ceil(_TWENTY_TO_ONE / max(found.best, 1e-300))
+    enough = "no more than one" if needed == 1.0 else f"{needed:.0f} such or more" if needed < _MANY else "too many"
     one, other = found.causes
     return [
         f"A single reading would tell {one} from {other} best at {found.best_temperature:.0f} degC and "
-        f"{found.best_frequency:.3g} Hz, first thing after a change of temperature: with both as they fit these data, "
-        f"it is expected to favour the true one by {found.best:.2g} nat. Twenty to one takes "
-        f"{'no more than one' if needed == 1 else f'{needed} or more'} of them.",
+        f"{found.best_frequency:.3g} Hz, as the first of another sweep: it is expected to favour the true one by "
+        f"{found.best:.2g} nat. Twenty to one takes {enough}.",
         "",
     ]
 
@@ -130,6 +133,8 @@ def report(design: Design, name: str, figures: Sequence[str] = ()) -> str:
         figures: Names of their files.
     """
     listed = ", ".join(f"{cause} ({strength:.3g})" for cause, strength in design.causes.items())
+    if not design.rated:
+        return "\n".join([f"# What to measure next after {name}", "", *design.notes, ""])
     best = design.rated[0]
     lines = [
         f"# What to measure next after {name}",

@@ -17,6 +17,8 @@ def find_causes(wanted: Sequence[str | Cause], library: Sequence[AnyCause]) -> t
     Raises:
         InputError: if there is none of a name, or a cause is of another kind than the library's.
     """
+    if not library:
+        raise InputError("causes: there are none to look for.")
     known, found = {cause.name: cause for cause in library}, {}
     kind = DmaCause if isinstance(library[0], DmaCause) else HmiCause
     for one in wanted:

@@ -93,7 +93,7 @@ class DmaProblem:
     def fitted_directions(self) -> Float[np.ndarray, "n p"]:
         """Derivative of the weighted prediction in the constants of every sweep."""
         count = len(self.model.constants())
-        jacobian = np.asarray(_in_constants(jnp.asarray(self.constants), self.conditions, self.has_phase))
+        jacobian = np.asarray(in_constants(jnp.asarray(self.constants), self.conditions, self.has_phase))
         columns = jacobian[..., :count].reshape(*self.weights.shape, -1)
         return (self.weights[:, :, None] * columns).reshape(self.weights.size, -1)
 
@@ -108,7 +108,7 @@ class DmaProblem:
         """
         constants = self.constants if constants is None else constants
         found = []
-        columns = _in_strengths(jnp.asarray(constants), self.conditions, tuple(extensions), self.has_phase)
+        columns = in_strengths(jnp.asarray(constants), self.conditions, tuple(extensions), self.has_phase)
         for extension, column in zip(extensions, np.asarray(columns), strict=True):
             direction = (self.weights * column).reshape(-1, 1)
             shape = float(extension.shape) if extension.has_shape else None
@@ -324,12 +324,15 @@ def _predicted(constants, conditions, has_phase):
 
 
 @eqx.filter_jit
-def _in_constants(constants, conditions, has_phase):
+def in_constants(constants, conditions, has_phase):
+    """Derivative of logarithm of the magnitude and phase in the constants: row, coordinate, sweep, constant."""
     return jax.jacfwd(lambda c: predict_coordinates(c, conditions, (), jnp.zeros(0), has_phase))(constants)
 
 
 @eqx.filter_jit
-def _in_strengths(constants, conditions, extensions, has_phase):
+def in_strengths(constants, conditions, extensions, has_phase):
+    """The same in the strength of each extension, at strength 0: extension, row, coordinate."""
+
     def slope(extension):
         def response(strength):
             return predict_coordinates(constants, conditions, (extension,), strength[None], has_phase)

@@ -117,7 +117,8 @@ def _folds(problem: DmaProblem, extensions: int) -> tuple[list[_Fold], str]:
         for one in used
         for place in np.unique(group).tolist()
     ]
-    several = "" if len(places) <= BLOCKS else f" in {BLOCKS} blocks of neighbours"
+    of_neighbours = " of neighbours" if kind == "temperatures" else ""
+    several = "" if len(places) <= BLOCKS else f" in {BLOCKS} blocks{of_neighbours}"
     split = (
         f"{len(places)} {kind}{several}, each left out in turn: strengths from the others, constants of its own "
         f"from all but one of {len(np.unique(blocks))} blocks of neighbouring frequencies, which is predicted{left_out}"

@@ -25,6 +25,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy import stats
 
+from arfjax import InputError
 from inverse.diagnosis.noise import Noise
 
 SIGNALS = (3.0, 6.0, 12.0)
@@ -102,11 +103,14 @@ class Screen:
             family: Noise members, white first.
 
         Raises:
-            ValueError: if a direction is not finite.
+            InputError: if a direction is not finite.
         """
         for alternative in alternatives:
             if not np.all(np.isfinite(alternative.directions)):
-                raise ValueError(f"the derivative of {alternative.name} is not finite everywhere: it cannot be tested.")
+                raise InputError(
+                    f"the derivative of {alternative.name} is not finite everywhere: it cannot be tested; leave it out "
+                    "of the causes."
+                )
         self._fitted = independent(fitted)
         self.freedom = self._fitted.shape[0] - self._fitted.shape[1]
         self.family = tuple(family)

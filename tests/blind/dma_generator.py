@@ -298,11 +298,11 @@ def write(
     `understated` the file gives standard deviations, which are `UNDERSTATED` times too small.
     """
     rng = np.random.default_rng([seed, 20161231])
-    m = draw_measurement(rng, shuffled=shuffled)
+    m, asked = draw_measurement(rng, shuffled=shuffled), d_prime if strength is None else None
     if strength is None:
         logarithm, strength = hidden(m, name, d_prime, rng)
     else:
-        logarithm, d_prime = np.log(EFFECTS[name](solid(m.constants, m.omega), m, strength)), float("nan")
+        logarithm = np.log(EFFECTS[name](solid(m.constants, m.omega), m, strength))
     modulus = np.exp(logarithm + NOISE * draw_noise(noise, m, rng))
     order = np.argsort(m.clock.ravel())
     columns = (
@@ -320,7 +320,7 @@ def write(
     rows = np.stack(columns, axis=-1)[order]
     rows = rows[rows[:, 3] > 0.0]  # a person leaves out a loss modulus that noise made negative
     np.savetxt(data, rows, delimiter=",", header=header, comments="", fmt="%.10g")
-    hides = {"seed": seed, "hidden": name, "strength": strength, "d_prime": d_prime, "noise": noise}
+    hides = {"seed": seed, "hidden": name, "strength": strength, "d_prime": asked, "noise": noise}
     key.write_text(json.dumps(hides | {"strength_of_readings": strength * _readings(name, m, modulus)}))
 
 

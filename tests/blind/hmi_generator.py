@@ -380,13 +380,14 @@ def write(
     z = np.clip(tissue.standard_normal(9), -1.5, 1.5) * 0.6
     shown = np.concatenate([_readings(final) for final in FINAL])
     added, asked = np.zeros(len(shown)), d_prime if strength is None else None
-    if name == "none" or strength is not None:
-        strength = strength or 0.0
+    if name == "none":
+        strength = 0.0
     elif name in UNKNOWN:
         direction = UNKNOWN[name](shown, rng)
-        strength = strength_of(ruler, z, lambda _, s: s * direction / size, d_prime, name)
+        if strength is None:
+            strength = strength_of(ruler, z, lambda _, s: s * direction / size, d_prime, name)
         added = strength * direction
-    else:
+    elif strength is None:
         first = FIRST_STRENGTH[name] * d_prime * size / NOISE
         strength = strength_of(
             ruler, z, lambda plain, s: (ruler.curves(z, name, s)[0] - plain) / size, d_prime, name, first

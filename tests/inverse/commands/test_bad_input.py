@@ -14,6 +14,8 @@ from inverse.output import output_directory
 ROOT = Path(__file__).parents[3]
 EXAMPLE = (ROOT / "examples" / "suomi2016.toml").read_text(encoding="utf-8")
 DMA = "frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa\n0.1,37,1200,100\n1,37,1500,200\n10,37,1900,250\n"
+SWEEP = DMA + "20,37,2300,300\n50,37,2700,350\n90,37,3000,400\n"
+"""Enough for a diagnosis."""
 HMI = "sonication,temperature_c,displacement_percent\na,37,100\na,50,98\n"
 TIMES = "time_s,displacement_percent\n0,100\n60,98\n"
 
@@ -273,7 +275,7 @@ def test_reference_outside_the_protocol(capfd, tmp_path, table):
         (["diagnose", "--dma", "{data}"], "Missing option '--out'"),
         (["diagnose", "--dma", "{data}", "--out", "out", "--level", "0.7"], "Invalid value for '--level'"),
         (["diagnose", "--dma", "{data}", "--out", "out", "--level", "nan"], "Invalid value for '--level'"),
-        (["diagnose", "--dma", "{data}", "--out", "{data}"], "measured.csv: "),
+        (["diagnose", "--dma", "{sweep}", "--out", "{data}"], "measured.csv: is a file, not a folder"),
         (["diagnose", "--dma", "{data}", "--out", "out"], "measured.csv: no sweep has more than 4 frequencies"),
         (["design", "--dma", "{data}", "--out", "out"], "measured.csv: no sweep has more than 4 frequencies"),
         (["design", "--dma", "{data}", "--out", "out", "--causes", "gremlins"], "there is no cause 'gremlins'"),
@@ -284,9 +286,9 @@ def test_reference_outside_the_protocol(capfd, tmp_path, table):
 )
 def test_command_lines(capfd, tmp_path, monkeypatch, arguments, cause):
     monkeypatch.chdir(tmp_path)
-    data = place(tmp_path / "measured.csv", DMA)
+    data, sweep = place(tmp_path / "measured.csv", DMA), place(tmp_path / "sweep.csv", SWEEP)
     before = tree(tmp_path)
-    assert run([argument.format(data=data) for argument in arguments]) == 2
+    assert run([argument.format(data=data, sweep=sweep) for argument in arguments]) == 2
     printed = capfd.readouterr()
     assert printed.err.startswith("arfjax: ") and printed.err.count("\n") == 1 and cause in printed.err
     assert printed.out == "" and tree(tmp_path) == before
@@ -344,7 +346,7 @@ def test_an_interrupt_leaves_nothing(capfd, tmp_path, monkeypatch, command):
         "vibrate": [experiment],
         "field": [experiment],
     }
-    sweep = place(tmp_path / "sweep.csv", DMA + "20,37,2300,300\n50,37,2700,350\n90,37,3000,400\n")
+    sweep = place(tmp_path / "sweep.csv", SWEEP)
     inputs |= {"diagnose": ["--dma", sweep], "design": ["--dma", sweep]}
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "summary.json").write_text("earlier")

@@ -26,4 +26,5 @@ def test_a_diagnosis_goes_through_its_stages_in_order():
     said = []
     inverse.diagnose(shipped("pyvisco_polymer"), model="zener", causes=["power-law-relaxation"], on_step=said.append)
     done = [done_of(words, STAGES["dma"]) for words in said]
-    assert done == sorted(done) and len(set(done)) == len(STAGES["dma"]), said
+    # But for measurements that would separate causes: of one alone there is none.
+    assert done == sorted(done) and len(set(done)) == len(STAGES["dma"]) - 1, said

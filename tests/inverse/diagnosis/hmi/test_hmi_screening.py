@@ -191,10 +191,10 @@ def test_a_fit_that_failed_blames_no_physics_and_designs_nothing(problem, prepar
     )  # fmt: skip
     found = diagnose_curves(hidden, corrected=False)
     assert found.verdict == "fit-failure" and any("it went astray" in remark for remark in found.audit)
-    Diagnosed(as_json(found), "these curves", found).write(tmp_path)
+    Diagnosed(as_json(found), "these curves", found, None).write(tmp_path)
     assert {one.name for one in tmp_path.iterdir()} >= {"diagnosis.json", "report.md", "diagnosis.png", "residuals.pdf"}
     assert "nothing is said about physics" in (tmp_path / "report.md").read_text()
-    with pytest.raises(InputError, match="fit of these curves failed"):
+    with pytest.raises(InputError, match="fit of these data failed"):
         design_hmi(curves(np.full(len(TEMPERATURES), 100.0)), described, found=found, prepared=prepared)
 
 
