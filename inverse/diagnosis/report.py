@@ -104,7 +104,12 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
     lines += ["", *apart, ""] if apart else []
     together = [" with ".join(names) for names in found.decision.explanations] if found.decision is not None else []
     if any(" with " in one for one in together) and len(together) > 1:
-        lines += ["", f"No cause alone does; these do together: {'; '.join(together)}.", ""]
+        lines += [
+            "",
+            f"No cause alone does; these do together: {'; '.join(together)}. What would separate sets of two "
+            "is not rated.",
+            "",
+        ]
     text = unexplained(found)
     if text:
         lines += [f"What is left, without a name: {text}."]
