@@ -68,7 +68,7 @@ def recorded(
     given.out.parent.mkdir(parents=True, exist_ok=True)
     lines = [json.loads(row) for row in given.out.read_text().splitlines()] if given.out.exists() else []
     stamps = {line.get("stamp") for line in lines}
-    if not given.minutes > 0.0 and len(stamps) == 1:
+    if given.minutes <= 0.0 and len(stamps) == 1:
         return lines
     if stamps - {made_by}:
         raise SystemExit(

@@ -74,7 +74,7 @@ class Design:
     Attributes:
         causes: That are to be told apart, with the strengths that the data give them.
         now: What the data tell that there are.
-        rated: Proposals, the best first.
+        rated: Proposals, the best first; none where none could be rated.
         checks: Of the best one, by simulation; empty if not asked for.
         size: Standard deviation of the noise that was assumed, relative.
         seed: Of random orders and simulations.

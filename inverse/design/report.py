@@ -44,7 +44,7 @@ def as_json(design: Design) -> dict[str, Any]:
 
 def in_short(design: Design) -> dict[str, Any]:
     """The causes, how well the data that there are separate them, and which further measurement does best: JSON."""
-    best = max(design.rated, key=lambda one: one.separation.worst, default=None)
+    best = design.rated[0] if design.rated else None
     return {
         "causes": list(design.now.names),
         "angle_deg": design.now.angle,
