@@ -16,6 +16,7 @@ from inverse.diagnosis.hmi.problem import Effect
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_full
 from inverse.diagnosis.hmi.rough_fit import RoughFit, in_full, rough_fits
+from inverse.diagnosis.hmi.twin import spanning, twin_strength
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.screening import Alternative, Screen
 
@@ -107,6 +108,7 @@ class Refits:
         self._starts = tuple(fit for fit in starts if np.isfinite(fit.misfit))
         self.null, self._family = null, tuple(family)
         self._size, self._corrected = size, corrected
+        self._fit = fit_in_full if corrected else fit_hmi
         self._near: dict[tuple[str, ...], HmiFit] = {}
         self._done: dict[tuple[tuple[str, ...], int, bool], HmiFit] = {}
 
@@ -123,24 +125,43 @@ class Refits:
         if (names, member, False) not in self._done:
             self._done[names, member, False] = again_from(self._near[names], noise, self._size)
         if (names, member, profile) not in self._done:
-            self._done[names, member, True] = profiled(self._done[names, member, False], noise, self._size)
+            self._done[names, member, True] = self._profiled(self._done[names, member, False], noise)
         return self._done[names, member, profile]
 
     def _first(self, extensions, noise, start) -> HmiFit:
         problem, unknowns = self.null.problem, self.null.unknowns
         if len(extensions) == 1 and (rough := self._rough(extensions[0], start[0])) is not None:
-            unknowns, start = rough.unknowns, np.array([rough.strength])
-            if self._corrected:
-                # Where it is corrected to the full simulation, fits come out: not where there is no such cause.
-                near = problem.corrected_at(unknowns, moved_by(problem, extensions))
-                problem = near if near.correction is not None and near.correction.is_finite else problem
-        elif (single := self._single(extensions)) is not None:
+            return self._from(rough.unknowns, rough.strength, extensions[0], noise)
+        if (single := self._single(extensions)) is not None:
             problem, unknowns = single.problem, single.unknowns
             extensions = [single.extensions[0] if e.cause is single.extensions[0].cause else e for e in extensions]
             mine = [e.cause is single.extensions[0].cause for e in extensions]
             start = np.where(mine, single.strengths[0], start)
-        fit = fit_in_full if self._corrected else fit_hmi
-        return fit(problem, extensions, noise, size=self._size, start=unknowns, strengths=start)
+        return self._fit(problem, extensions, noise, size=self._size, start=unknowns, strengths=start)
+
+    def _from(
+        self, unknowns: Float[np.ndarray, " unknown"], strength: float, extension: Extension, noise: Noise
+    ) -> HmiFit:
+        problem = self.null.problem
+        if self._corrected:
+            # Where it is corrected to the full simulation, fits come out: not where there is no such cause.
+            near = problem.corrected_at(unknowns, moved_by(problem, [extension]))
+            problem = near if near.correction is not None and near.correction.is_finite else problem
+        return self._fit(problem, [extension], noise, size=self._size, start=unknowns, strengths=np.array([strength]))
+
+    def _profiled(self, fit: HmiFit, noise: Noise) -> HmiFit:
+        """With intervals, that of one cause over all strengths that are known to describe the data."""
+        found = profiled(fit, noise, self._size)
+        strength = twin_strength(found, noise, self._size)
+        if strength is None:
+            return found
+        extension, start = found.extensions[0], found.unknowns.copy()
+        start[found.problem.program.place(extension.cause.name)] = strength / extension.cause.plausible
+        twin = self._from(start, strength, extension, noise)
+        lower, upper = found.intervals[0]
+        if not twin.converged or lower <= twin.strengths[0] <= upper:
+            return found
+        return spanning(found, profiled(twin, noise, self._size))
 
     def _rough(self, extension: Extension, strength: float) -> RoughFit | None:
         """The rough fit along whose way the extension was tested: of its shape, and with the sign that it goes with."""

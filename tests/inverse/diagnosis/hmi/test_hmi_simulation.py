@@ -27,6 +27,7 @@ from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.program import HmiProgram
 from inverse.diagnosis.hmi.refit import again_from, fit_hmi, fit_in_full
+from inverse.diagnosis.hmi.twin import spanning, twin_strength
 from inverse.hmi_model import predict
 from tests.inverse.diagnosis.hmi.cases import (
     TEMPERATURES,
@@ -189,6 +190,43 @@ def test_profile_of_a_local_fit_leads_to_the_better_one(problem):
     np.testing.assert_allclose(found.strengths, best.strengths, atol=0.04 * half)
     # Ends are met to 5 % each.
     np.testing.assert_allclose(found.intervals, best.intervals, atol=(0.04 + 2.0 * 0.05) * half)
+
+
+def test_where_displacement_turns_the_interval_holds_both_temperatures(problem):
+    """Displacement of this tissue turns at 41 degC: the reading of 37 taken at 48 looks like one taken at 36."""
+    program, noise, rng = problem.program, 0.01, np.random.default_rng(0)
+    unknowns, cause = program.null(), next(c for c in HMI_CAUSES if c.name == "normalisation-temperature")
+    unknowns[program.constants] += 0.5 * program.spreads * rng.standard_normal(len(program.start))
+    unknowns[program.place(cause.name)] = 11.0 / cause.plausible
+    logarithm = program.predict(unknowns) + noise * rng.standard_normal(len(problem.rows))
+    hidden = dataclasses.replace(problem, rows=dataclasses.replace(problem.rows, log_displacement=logarithm))
+    null = fit_hmi(hidden, (), white(hidden), size=noise)
+    family, extension = hidden.noise_family(), Extension(cause, 0.0)
+    refits = Refits(null, family, size=noise, corrected=False)
+    near, both = (refits([extension], family[0], np.array([-1.0]), profile) for profile in (False, True))
+    # One fit finds the nearer twin, and an interval of its own without the other.
+    assert -3.0 < near.strengths[0] < 0.0 and profiled(near, family[0], noise).intervals[0, 1] < 2.0
+    assert both.intervals[0, 0] < near.strengths[0] and both.intervals[0, 1] > 11.0
+    assert both.intervals[0, 1] < 14.0 and "two strengths" in both.remarks[-1]
+
+
+def test_what_does_not_turn_back_has_no_twin(problem):
+    fit = fitted_with(problem, DRIFT, 2.0, 0.005, seed=3)
+    assert twin_strength(profiled(fit, white(fit.problem), 0.005), white(fit.problem), 0.005) is None
+
+
+def test_of_two_fits_the_better_one_counts_and_both_only_within_the_bound(problem):
+    fit = fitted_with(problem, DRIFT, 2.0, 0.005, seed=3)
+    variance = fit.misfit / fit.freedom
+    for above, spans in ((3.0, True), (6.0, False)):  # The bound is 2.0 standard deviations.
+        other = dataclasses.replace(
+            fit, misfit=fit.misfit + above * variance, strengths=-fit.strengths, intervals=-fit.intervals[:, ::-1]
+        )
+        for found in (spanning(fit, other), spanning(other, fit)):
+            assert found.strengths[0] == fit.strengths[0]
+            assert (found.intervals[0, 0] == other.intervals[0, 0]) == spans
+            assert found.intervals[0, 1] == fit.intervals[0, 1]
+        assert "fits better" in spanning(other, fit).remarks[0] and len(spanning(fit, other).remarks) == int(spans)
 
 
 def test_rows_left_out_say_nothing(problem):
