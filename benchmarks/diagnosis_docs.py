@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from inverse.diagnosis.decision import SET_LEVEL, UNEXPLAINED_LEVEL
+from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 
 
 @dataclasses.dataclass(frozen=True)
@@ -191,7 +192,11 @@ def _fates(axis: Axes, summary: dict[str, Any]) -> None:
 def _without_data(summary: dict[str, Any]) -> list[str]:
     """How many data sets could not be made."""
     count = summary.get("no such data", 0)
-    return [f"{count} more could not be made: in their tissue no strength has the wanted d'.", ""] if count else []
+    words = (
+        f"{count} more do not count: in their tissue no strength has the wanted d', or only one of more than "
+        f"{MOST_IMPLAUSIBLE:g} times what is plausible, which the diagnosis lists as not testable."
+    )
+    return [words, ""] if count else []
 
 
 def page(summary: dict[str, Any], study: Study) -> str:

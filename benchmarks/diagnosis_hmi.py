@@ -33,6 +33,7 @@ from benchmarks.diagnosis_summary import NO_DATA, summarise
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.datasets.shipped import shipped
 from inverse.diagnosis import HMI_CAUSES, Diagnosis, diagnose_hmi
+from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.examination import noise_size
 from inverse.diagnosis.hmi.fitting import HmiFit
@@ -161,6 +162,17 @@ def _truth(looked_for: list[Alternative], name: str, null: HmiFit) -> np.ndarray
     return effect / projected_length(effect[:readings], null.directions[:readings])
 
 
+def implausible(name: str, strength: float) -> str:
+    """Why an effect is none that a diagnosis could be asked for in this tissue; nothing if it is one.
+
+    By the diagnosis's own rule: what has to be more than `MOST_IMPLAUSIBLE` times a plausible strength is not testable.
+    """
+    cause = next((cause for cause in HMI_CAUSES if cause.name == name), None)
+    if cause is None or abs(strength) <= MOST_IMPLAUSIBLE * cause.plausible:
+        return ""
+    return f"it takes a strength of {strength:.3g}, where {cause.plausible:.3g} is plausible."
+
+
 def one_set(condition: Condition, seed: int, bench: Bench | None = None) -> dict:
     """What the diagnosis says of one data set, as a line of the record; by this process's bench if none is given."""
     bench = prepared_bench() if bench is None else bench
@@ -168,6 +180,8 @@ def one_set(condition: Condition, seed: int, bench: Bench | None = None) -> dict
         data, hidden = measured(bench, condition, seed)
     except ValueError as impossible:
         return dataclasses.asdict(condition) | {"seed": seed, "verdict": NO_DATA, "why": str(impossible)}
+    if why := implausible(condition.name, hidden["strength"]):
+        return dataclasses.asdict(condition) | {"seed": seed, "verdict": NO_DATA, "why": why}
     begun = time.perf_counter()
     found = diagnosed(bench, data, seed, removed=condition.name if condition.part == "removed" else "")
     line = dataclasses.asdict(condition) | {

@@ -12,7 +12,7 @@ DETECTED = ("named", "confusable", "unexplained")
 one thought (`noise-model`) is none of them."""
 
 NO_DATA = "no data"
-"""In place of a verdict: in this tissue no strength has the wanted d'."""
+"""In place of a verdict: in this tissue no strength that anybody would believe has the wanted d'."""
 
 
 def rate(happened: Sequence[bool]) -> Rate:

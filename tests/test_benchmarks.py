@@ -218,3 +218,12 @@ def test_data_that_cannot_be_made_count_in_no_rate(monkeypatch):
 def test_error_of_a_rate_is_that_of_wilson():
     assert rate([True] * 30 + [False] * 70)["error"] == pytest.approx(np.sqrt(0.3 * 0.7 / 100), rel=0.02)
     assert 0.0 < rate([True] * 20)["error"] < 0.05 and rate([])["sets"] == 0
+
+
+def test_effects_that_nobody_would_believe_count_in_no_rate(monkeypatch):
+    """Of conduction 13 times as good, which is d' 4.5 in one tissue, the diagnosis says that it is not testable."""
+    monkeypatch.setattr(diagnosis_hmi, "measured", lambda *_: (None, {"strength": 13.0}))
+    line = diagnosis_hmi.one_set(diagnosis_hmi.Condition("known", "conductivity-change", 4.5), 5, bench=object())
+    assert "13, where 0.3 is plausible" in line["why"] and summarise([line], {})["no such data"] == 1
+    assert diagnosis_hmi.implausible("conductivity-change", -3.1) and not diagnosis_hmi.implausible("bump", 13.0)
+    assert not diagnosis_hmi.implausible("conductivity-change", 2.9)
