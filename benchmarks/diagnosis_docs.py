@@ -190,13 +190,22 @@ def _fates(axis: Axes, summary: dict[str, Any]) -> None:
 
 
 def _without_data(summary: dict[str, Any]) -> list[str]:
-    """How many data sets could not be made."""
-    count = summary.get("no such data", 0)
-    words = (
-        f"{count} more do not count: in their tissue no strength has the wanted d', or only one of more than "
-        f"{MOST_IMPLAUSIBLE:g} times what is plausible, which the diagnosis lists as not testable."
-    )
-    return [words, ""] if count else []
+    """How many data sets are in no rate, and why."""
+    lines, count = [], summary.get("no such data", 0)
+    if count:
+        lines += [
+            f"{count} more count in no rate: in their tissue no strength has the wanted d', or only one of more than "
+            f"{MOST_IMPLAUSIBLE:g} times what is plausible, which no diagnosis takes for testable.",
+            "",
+        ]
+    unseen, every = summary.get("not testable sets", (0, 0))
+    if unseen:
+        lines += [
+            f"In {unseen} of {every} data sets with a known cause ({', '.join(summary['not testable'])}) the diagnosis "
+            "lists the hidden cause as one that these data cannot show: they are in none of its rates.",
+            "",
+        ]
+    return lines
 
 
 def page(summary: dict[str, Any], study: Study) -> str:

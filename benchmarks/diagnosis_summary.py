@@ -38,7 +38,9 @@ def summarise(
         removed: From `removed_limits`.
     """
     every, lines = lines, [line for line in lines if line["verdict"] != NO_DATA]
-    known = _grouped((line for line in lines if line["part"] == "known"), lambda line: f"{line['d_prime']:g}")
+    # Of a cause that it lists as one that the data cannot show, a diagnosis is not asked for more.
+    hidden = [line for line in lines if line["part"] == "known"]
+    known = _grouped((line for line in hidden if _is_testable(line)), lambda line: f"{line['d_prime']:g}")
     return {
         "known": {
             d: {
@@ -59,6 +61,8 @@ def summarise(
         "removed limit": removed or {},
         "data sets": len(lines),
         "no such data": len(every) - len(lines),
+        "not testable": sorted({line["name"] for line in hidden if not _is_testable(line)}),
+        "not testable sets": [sum(not _is_testable(line) for line in hidden), len(hidden)],
         "seconds a set": float(np.median([line["seconds"] for line in lines])) if lines else float("nan"),
     }
 
@@ -99,6 +103,11 @@ def _mean_limit(lines: Sequence[Line], limit: dict[str, dict[str, float]]) -> di
     names = [line["name"] for line in lines]
     keys = next(iter(limit.values()), {})
     return {key: float(np.mean([limit[name][key] for name in names])) for key in keys}
+
+
+def _is_testable(line: Line) -> bool:
+    """Whether the diagnosis takes the hidden cause for one that it could find in these data."""
+    return line.get("testable", True)
 
 
 def _name(line: Line) -> str:

@@ -10,7 +10,7 @@ from benchmarks import acoustics, diagnosis, diagnosis_hmi, diagnosis_hmi_fast, 
 from benchmarks.diagnosis_docs import DMA_STUDY, HMI_STUDY, write_docs
 from benchmarks.diagnosis_limits import Design, projected_length
 from benchmarks.diagnosis_record import arguments, code_of, recorded, stamp
-from benchmarks.diagnosis_summary import rate, summarise
+from benchmarks.diagnosis_summary import NO_DATA, rate, summarise
 from inverse.diagnosis.noise import noise_family, series
 from inverse.diagnosis.screening import Alternative
 
@@ -227,3 +227,17 @@ def test_effects_that_nobody_would_believe_count_in_no_rate(monkeypatch):
     assert "13, where 0.3 is plausible" in line["why"] and summarise([line], {})["no such data"] == 1
     assert diagnosis_hmi.implausible("conductivity-change", -3.1) and not diagnosis_hmi.implausible("bump", 13.0)
     assert not diagnosis_hmi.implausible("conductivity-change", 2.9)
+
+
+def test_what_a_diagnosis_lists_as_not_testable_is_counted_beside_its_rates(tmp_path):
+    one = {"first": "perfusion", "named": ["perfusion"], "confusable": [], "possible": ["perfusion"], "seconds": 1.0}
+    one |= {"part": "known", "name": "perfusion", "verdict": "named", "noise": "white", "testable": True}
+    other = one | {"name": "tracking-jitter", "verdict": "adequate", "testable": False}
+    lines = [*({"d_prime": d} | line for d in (4.5, 6.0) for line in (one, other)), other | {"verdict": NO_DATA}]
+    limit = {d: {"perfusion": {"detected": 0.97, "first": 0.8}} for d in ("4.5", "6")}
+    summary = summarise(lines, limit)
+    assert summary["all known"]["4.5"]["detected"] == rate([True]) and set(summary["known"]["6"]) == {"perfusion"}
+    write_docs({"seeds": "test", **summary}, tmp_path, HMI_STUDY)
+    page = (tmp_path / HMI_STUDY.page).read_text()
+    assert "1 more count in no rate" in page
+    assert "In 2 of 4 data sets with a known cause (tracking-jitter) the diagnosis lists" in page
