@@ -21,8 +21,6 @@ TRUE_SHAPES = {"frame-resonance": 1.6, "temperature-lag": 0.35, "second-relaxati
 """What the generator has where a cause has a second parameter."""
 _DRAWN, _DRAWN_UNKNOWN = 4000, 1000
 _LEVEL = 0.05
-_STAND_INS = 4
-"""Causes and shapes, nearest first, that are refitted in the place of a missing one."""
 
 Limits = dict[str, dict[str, dict[str, Any]]]
 
@@ -156,21 +154,22 @@ def removed_limits(
 
 
 def _stand_ins(problem: DmaProblem, name: str):
-    """The nearest other causes, refitted in full."""
+    """All other causes, refitted in full from their nearest shapes: far from the fit the nearest is another one."""
     fitted, residuals = problem.fitted_directions(), problem.residuals()
     basis = np.linalg.qr(unit_columns(fitted))[0]
     extensions = every_shape(cause for cause in DMA_CAUSES if cause.name != name)
-    near = []
+    nearest: dict[str, tuple[float, float, Extension]] = {}
     for extension, alternative in zip(extensions, problem.directions(extensions), strict=True):
         if visibility(alternative.directions, fitted)[0] <= LEAST_VISIBILITY:
             continue
         direction = (alternative.directions - basis @ (basis.T @ alternative.directions))[:, 0]
         strength = float(direction @ residuals / (direction @ direction))
         strength = max(strength, 0.0) if alternative.sign > 0 else strength
-        near.append((abs(strength) * float(np.linalg.norm(direction)), strength, extension))
-    near.sort(key=lambda one: one[0], reverse=True)
+        taken = abs(strength) * float(np.linalg.norm(direction))
+        if taken >= nearest.get(alternative.name, (0.0,))[0]:
+            nearest[alternative.name] = taken, strength, extension
     white = noise_family(problem.orderings(), problem.frequencies())[0]
-    for _, strength, extension in near[:_STAND_INS]:
+    for _, strength, extension in nearest.values():
         yield fit_extended(problem, [extension], white, np.array([strength]), library=DMA_CAUSES, profile=False)
 
 
