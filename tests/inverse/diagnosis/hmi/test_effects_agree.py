@@ -13,7 +13,9 @@ import pytest
 from benchmarks.diagnosis_hmi import TRUE_SHAPES, prepared_bench
 from inverse.datasets.hmi import HmiData
 from inverse.diagnosis import HMI_CAUSES
+from inverse.diagnosis.examination import DETECTABLE
 from inverse.diagnosis.hmi.prepare import hmi_problem_of
+from inverse.diagnosis.hmi.rough_fit import WORTH_ASKING
 from inverse.inference.experiment import inference_settings
 from inverse.inference.problem import State
 from tests.blind import hmi_generator as blind
@@ -40,10 +42,9 @@ STRENGTHS = {
 }
 """Of d' 1 to 5."""
 CONSTANTS = np.array([0.5, -0.3, 0.2, 0.4, -0.5, 0.3, -0.4, 0.2, 0.5])
-DETECTABLE = 4.5
-FULL, FAST = 1.0, 0.5 * DETECTABLE
-"""Largest d' of the difference. One standard deviation between two meshes is what noise hides; half of what is found is
-what the fast simulation may be off before it is corrected."""
+FULL, FAST = 1.0, DETECTABLE - WORTH_ASKING
+"""Largest d' of the difference. One standard deviation between two meshes is what noise hides. The fast simulation says
+which causes the full one is asked about: by that much it may be off until one that is just found is not among them."""
 
 
 @pytest.fixture(scope="module")
