@@ -12,7 +12,8 @@ demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measure
 	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data pyvisco_polymer) --out results/demo/dma
 	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data nist_foam) --out results/demo/dma_foam
 	$(BIN)/arfjax infer --dma $$($(BIN)/arfjax data pyvisco_polymer) --temperature 60 --draws 500 --out results/demo/infer
-	$(BIN)/arfjax diagnose --dma $$($(BIN)/arfjax data pyvisco_polymer) --model zener --out results/demo/diagnose
+	$(BIN)/arfjax diagnose --dma $$($(BIN)/arfjax data pyvisco_polymer) --model zener --out results/demo/diagnose_dma
+	$(BIN)/arfjax diagnose examples/suomi2016_published.toml --hmi $$($(BIN)/arfjax data suomi2016_hmi) --out results/demo/diagnose_hmi
 	$(BIN)/arfjax field examples/five_layers.toml --out results/demo/field
 	$(BIN)/arfjax simulate examples/suomi2016.toml --out results/demo/simulate
 	$(BIN)/arfjax push examples/suomi2016.toml --out results/demo/push

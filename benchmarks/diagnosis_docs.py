@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from benchmarks.diagnosis_summary import MOST_IMPLAUSIBLE
 from inverse.diagnosis.decision import SET_LEVEL, UNEXPLAINED_LEVEL
-from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 
 
 @dataclasses.dataclass(frozen=True)
@@ -195,14 +195,16 @@ def _without_data(summary: dict[str, Any]) -> list[str]:
     if count:
         lines += [
             f"{count} more count in no rate: in their tissue no strength has the wanted d', or only one of more than "
-            f"{MOST_IMPLAUSIBLE:g} times what is plausible, which no diagnosis takes for testable.",
+            f"{MOST_IMPLAUSIBLE:g} times what is plausible.",
             "",
         ]
-    unseen, every = summary.get("not testable sets", (0, 0))
-    if unseen:
+    unseen = summary["not testable"]
+    if unseen["sets"]:
         lines += [
-            f"In {unseen} of {every} data sets with a known cause ({', '.join(summary['not testable'])}) the diagnosis "
-            "lists the hidden cause as one that these data cannot show: they are in none of its rates.",
+            f"In {unseen['sets']} of {unseen['of']} data sets with a known cause ({', '.join(unseen['names'])}) the "
+            "diagnosis lists the hidden cause as one that these data cannot show. For it that is an effect in no list: "
+            f"these sets are in none of the rates of known causes, and {unseen['given other names']} of them were "
+            "given other names.",
             "",
         ]
     return lines

@@ -154,7 +154,7 @@ def removed_limits(
 
 
 def _stand_ins(problem: DmaProblem, name: str):
-    """All other causes, refitted in full from their nearest shapes: far from the fit the nearest is another one."""
+    """All other causes, refitted in full: far from the fit another one is nearest than about it."""
     fitted, residuals = problem.fitted_directions(), problem.residuals()
     basis = np.linalg.qr(unit_columns(fitted))[0]
     extensions = every_shape(cause for cause in DMA_CAUSES if cause.name != name)

@@ -12,7 +12,9 @@ DETECTED = ("named", "confusable", "unexplained")
 one thought (`noise-model`) is none of them."""
 
 NO_DATA = "no data"
-"""In place of a verdict: in this tissue no strength that anybody would believe has the wanted d'."""
+"""In place of a verdict: in this tissue no strength has the wanted d', or none that there can be."""
+MOST_IMPLAUSIBLE = 10.0
+"""Strength over the plausible one above which there can be none."""
 
 
 def rate(happened: Sequence[bool]) -> Rate:
@@ -38,7 +40,7 @@ def summarise(
         removed: From `removed_limits`.
     """
     every, lines = lines, [line for line in lines if line["verdict"] != NO_DATA]
-    # Of a cause that it lists as one that the data cannot show, a diagnosis is not asked for more.
+    # A cause that a diagnosis lists as one that the data cannot show is none that it can name: see `unseen`.
     hidden = [line for line in lines if line["part"] == "known"]
     known = _grouped((line for line in hidden if _is_testable(line)), lambda line: f"{line['d_prime']:g}")
     return {
@@ -61,8 +63,7 @@ def summarise(
         "removed limit": removed or {},
         "data sets": len(lines),
         "no such data": len(every) - len(lines),
-        "not testable": sorted({line["name"] for line in hidden if not _is_testable(line)}),
-        "not testable sets": [sum(not _is_testable(line) for line in hidden), len(hidden)],
+        "not testable": _unseen([line for line in hidden if not _is_testable(line)]) | {"of": len(hidden)},
         "seconds a set": float(np.median([line["seconds"] for line in lines])) if lines else float("nan"),
     }
 
@@ -103,6 +104,16 @@ def _mean_limit(lines: Sequence[Line], limit: dict[str, dict[str, float]]) -> di
     names = [line["name"] for line in lines]
     keys = next(iter(limit.values()), {})
     return {key: float(np.mean([limit[name][key] for name in names])) for key in keys}
+
+
+def _unseen(lines: Sequence[Line]) -> dict[str, Any]:
+    """What became of hidden causes that the diagnosis lists as not testable."""
+    named = [line["named"] + line["confusable"] for line in lines]
+    return {
+        "names": sorted({line["name"] for line in lines}),
+        "sets": len(lines),
+        "given other names": sum(bool(names) for names in named),
+    }
 
 
 def _is_testable(line: Line) -> bool:

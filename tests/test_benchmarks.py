@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import acoustics, diagnosis, diagnosis_hmi, diagnosis_hmi_fast, inference, mechanics, protocols
 from benchmarks.diagnosis_docs import DMA_STUDY, HMI_STUDY, write_docs
-from benchmarks.diagnosis_limits import Design, projected_length
+from benchmarks.diagnosis_limits import Design, projected_length, removed_limits
 from benchmarks.diagnosis_record import arguments, code_of, recorded, stamp
 from benchmarks.diagnosis_summary import NO_DATA, rate, summarise
 from inverse.diagnosis.noise import noise_family, series
@@ -221,7 +221,7 @@ def test_error_of_a_rate_is_that_of_wilson():
 
 
 def test_effects_that_nobody_would_believe_count_in_no_rate(monkeypatch):
-    """Of conduction 13 times as good, which is d' 4.5 in one tissue, the diagnosis says that it is not testable."""
+    """Conduction 13 times as good is d' 4.5 in one tissue."""
     monkeypatch.setattr(diagnosis_hmi, "measured", lambda *_: (None, {"strength": 13.0}))
     line = diagnosis_hmi.one_set(diagnosis_hmi.Condition("known", "conductivity-change", 4.5), 5, bench=object())
     assert "13, where 0.3 is plausible" in line["why"] and summarise([line], {})["no such data"] == 1
@@ -232,7 +232,7 @@ def test_effects_that_nobody_would_believe_count_in_no_rate(monkeypatch):
 def test_what_a_diagnosis_lists_as_not_testable_is_counted_beside_its_rates(tmp_path):
     one = {"first": "perfusion", "named": ["perfusion"], "confusable": [], "possible": ["perfusion"], "seconds": 1.0}
     one |= {"part": "known", "name": "perfusion", "verdict": "named", "noise": "white", "testable": True}
-    other = one | {"name": "tracking-jitter", "verdict": "adequate", "testable": False}
+    other = one | {"name": "tracking-jitter", "testable": False}
     lines = [*({"d_prime": d} | line for d in (4.5, 6.0) for line in (one, other)), other | {"verdict": NO_DATA}]
     limit = {d: {"perfusion": {"detected": 0.97, "first": 0.8}} for d in ("4.5", "6")}
     summary = summarise(lines, limit)
@@ -241,3 +241,18 @@ def test_what_a_diagnosis_lists_as_not_testable_is_counted_beside_its_rates(tmp_
     page = (tmp_path / HMI_STUDY.page).read_text()
     assert "1 more count in no rate" in page
     assert "In 2 of 4 data sets with a known cause (tracking-jitter) the diagnosis lists" in page
+    assert "2 of them were given other names" in page
+
+
+@pytest.mark.slow
+def test_a_stand_in_takes_what_is_like_it_and_leaves_no_more_than_there_was():
+    """Two slow relaxations of tissue are alike; nothing else that an analyser does has a threshold as slip has."""
+
+    def quiet(name, d_prime):
+        given = {"name": name, "d_prime": d_prime, "noise": "none"}
+        return diagnosis.measured(200, **given)[0], diagnosis.blind.NOISE
+
+    found = removed_limits(quiet, ["second-relaxation", "slip"], [9.0])["9"]
+    assert found["second-relaxation"]["stand-in"] == "poroelastic-drainage"
+    assert found["second-relaxation"]["left"] < 1.5 < 6.0 < found["slip"]["left"] < 9.2
+    assert found["second-relaxation"]["noise known"] < 0.5 < found["slip"]["noise known"]

@@ -158,10 +158,13 @@ class Refits:
         extension, start = found.extensions[0], found.unknowns.copy()
         start[found.problem.program.place(extension.cause.name)] = strength / extension.cause.plausible
         twin = self._from(start, strength, extension, noise)
-        lower, upper = found.intervals[0]
-        if not twin.converged or lower <= twin.strengths[0] <= upper:
+        if not twin.converged or twin.left > SETTLED:
             return found
-        return spanning(found, profiled(twin, noise, self._size))
+        # On the way to its ends a twin that is the worse fit may fall back to the better one.
+        ends = profiled(twin, noise, self._size)
+        lower, upper = found.intervals[0]
+        twin = twin if lower <= ends.strengths[0] <= upper else ends
+        return found if lower <= twin.strengths[0] <= upper else spanning(found, twin)
 
     def _rough(self, extension: Extension, strength: float) -> RoughFit | None:
         """The rough fit along whose way the extension was tested: of its shape, and with the sign that it goes with."""

@@ -38,7 +38,8 @@ def twin_strength(fit: HmiFit, noise: Noise, size: float) -> float | None:
     if len(fit.extensions) != 1 or not fit.converged:
         return None
     cause = fit.extensions[0].cause
-    most = farthest(cause)
+    # The fit itself may lie beyond what effects are followed to.
+    most = max(farthest(cause), min(2.0 * abs(float(fit.strengths[0])), cause.largest) / cause.plausible)
     fitting = Fitting(dataclasses.replace(fit.problem, correction=None), fit.extensions, noise, size)
 
     def misfit(strength: float) -> float:
@@ -75,12 +76,16 @@ def spanning(fit: HmiFit, twin: HmiFit) -> HmiFit:
     risen = math.sqrt(max(worse.misfit - better.misfit, 0.0) * better.freedom / better.misfit)
     remarks = better.remarks
     if is_better:
-        remarks += ("another strength fits better: strength and interval are of that one, p-values are not.",)
+        remarks += ("another strength fits better: the strength is of that one, p-values are not.",)
     if risen >= float(stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, better.freedom)):
         return dataclasses.replace(better, remarks=remarks)
     ends: Float[np.ndarray, "2 2"] = np.stack([better.intervals[0], worse.intervals[0]])
+    unit = "" if (unit := better.extensions[0].cause.unit) == "1" else f" {unit}"
     first, second = (
-        f"{one.strengths[0]:.3g} ({one.intervals[0, 0]:.3g} to {one.intervals[0, 1]:.3g})" for one in (better, worse)
+        f"{one.strengths[0]:.3g} ({one.intervals[0, 0]:.3g} to {one.intervals[0, 1]:.3g}){unit}"
+        for one in (better, worse)
     )
     both = f"two strengths describe these data, {first} and {second}: the interval spans both and what lies between."
-    return dataclasses.replace(better, intervals=np.array([[ends.min(), ends.max()]]), remarks=(*remarks, both))
+    own = tuple(one for one in worse.remarks if one not in remarks)
+    intervals = np.array([[ends.min(), ends.max()]])
+    return dataclasses.replace(better, intervals=intervals, remarks=(*remarks, *own, both))

@@ -44,7 +44,7 @@ STRENGTHS = {
 CONSTANTS = np.array([0.5, -0.3, 0.2, 0.4, -0.5, 0.3, -0.4, 0.2, 0.5])
 FULL, FAST = 1.0, DETECTABLE - WORTH_ASKING
 """Largest d' of the difference. One standard deviation between two meshes is what noise hides. The fast simulation says
-which causes the full one is asked about: by that much it may be off until one that is just found is not among them."""
+which causes the full one is asked about: off by more, one that is just found would not be among them."""
 
 
 @pytest.fixture(scope="module")
@@ -108,4 +108,4 @@ def test_effect_is_what_the_diagnosis_looks_for(bench, imitated, name):
     said = f"{name}: d' {length:.2f}; off by {off:.2f} in full, {fast_off:.2f} by the fast simulation"
     assert off <= FULL and fast_off <= FAST, said
     # An effect that is missing altogether would be off by its whole length.
-    assert off <= 0.5 * length, said
+    assert off <= 0.5 * length and fast_off <= 0.75 * length, said

@@ -227,6 +227,9 @@ def test_of_two_fits_the_better_one_counts_and_both_only_within_the_bound(proble
             assert (found.intervals[0, 0] == other.intervals[0, 0]) == spans
             assert found.intervals[0, 1] == fit.intervals[0, 1]
         assert "fits better" in spanning(other, fit).remarks[0] and len(spanning(fit, other).remarks) == int(spans)
+        # An end of the other fit comes with what is to be said of it.
+        told = spanning(fit, dataclasses.replace(other, remarks=("its end was not met.",))).remarks
+        assert ("its end was not met." in told) == spans
 
 
 def test_rows_left_out_say_nothing(problem):
