@@ -108,4 +108,4 @@ def test_effect_is_what_the_diagnosis_looks_for(bench, imitated, name):
     said = f"{name}: d' {length:.2f}; off by {off:.2f} in full, {fast_off:.2f} by the fast simulation"
     assert off <= FULL and fast_off <= FAST, said
     # An effect that is missing altogether would be off by its whole length.
-    assert off <= 0.5 * length and fast_off <= 0.75 * length, said
+    assert off <= 0.5 * length and fast_off < length, said
