@@ -92,6 +92,8 @@ _WORDS = {
     "not found": "not found",
 }
 
+_FEW = 10
+"""Data sets of which nothing is said to be met or not."""
 _UNKNOWN = "detected, noise unknown"
 _KNOWN_OR_NOT = ("noise known", "noise unknown")
 
@@ -259,7 +261,7 @@ def _asked(summary: dict[str, Any]) -> list[str]:
 
     def add(what: str, one: Rate, met: Callable[[float], bool], limits: Sequence[float | None] = (None, None)) -> None:
         known = " | ".join("" if limit is None else f"{100.0 * limit:.1f}" for limit in limits)
-        verdict = "yes" if met(100.0 * one["rate"]) else "no"
+        verdict = "too few" if one["sets"] < _FEW else "yes" if met(100.0 * one["rate"]) else "no"
         rows.append(f"| {what} | {_words(one)} | {known} | {one['sets']} | {verdict} |")
 
     for d, detected, first in (("4.5", 93.0, 92.0), ("6", 98.0, 97.0)):

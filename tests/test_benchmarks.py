@@ -122,7 +122,7 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
     one = always | {"name": "slip", "verdict": "named", "named": ["slip"], "confusable": [], "possible": ["slip"]}
     other = one | {"verdict": "unexplained", "named": [], "possible": [], "covered": False}
     lines = [
-        *({"part": "known", "d_prime": d} | line for d in (4.5, 6.0) for line in (one, one, one, other)),
+        *({"part": "known", "d_prime": d} | line for d in (4.5, 6.0) for line in 3 * (one, one, one, other)),
         *({"part": "null", "d_prime": 0.0} | line for line in (one, *[one | {"verdict": "adequate"}] * 3)),
         *({"part": part, "d_prime": d} | other for part in ("unknown", "removed") for d in (5.0, 9.0)),
     ]
@@ -135,9 +135,11 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
     page = (tmp_path / DMA_STUDY.page).read_text()
     assert (
         "| d' = 4.5: detected, at least 93, or 3 below the limit | 100.0" in page
-        and "| 97.0 | 94.0 | 4 | yes |" in page
+        and "| 97.0 | 94.0 | 12 | yes |" in page
     )
-    assert "called unexplained, at most 5 | 25.0" in page and "| 4 | no |" in page
+    assert "called unexplained, at most 5 | 25.0" in page and "| 12 | no |" in page
+    # Of one data set, nothing is met or not.
+    assert "wrongly named, at most 5 | 0.0 ± 25.0 |  |  | 1 | too few |" in page
     assert "| 9 | slip | sweep-drift | 4.0 | 99 | 90 |" in page
     assert (tmp_path / DMA_STUDY.picture).stat().st_size > 10_000
 

@@ -66,7 +66,7 @@ def by_point(bench):
 
 def test_cause_is_found_in_tissue_that_is_not_as_simple_as_the_simulation(by_point):
     name = "output-drift"
-    found = one_set(Condition("known", name, 8.0, size=0.03), blind.TEST_SEEDS + 70, by_point)
+    found = one_set(Condition("known", name, 5.5, size=0.03), blind.TEST_SEEDS + 70, by_point)
     assert found["verdict"] != "adequate" and name in found["possible"]
 
 
