@@ -12,7 +12,7 @@ from inverse.diagnosis.examination import Examined, extension_of, linear_strengt
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.fitting import HmiFit, moved_by
 from inverse.diagnosis.hmi.free_forms import hmi_free_forms
-from inverse.diagnosis.hmi.problem import Effect
+from inverse.diagnosis.hmi.problem import Effect, HmiDiagnosisProblem
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_full
 from inverse.diagnosis.hmi.rough_fit import RoughFit, in_full, rough_fits
@@ -108,7 +108,6 @@ class Refits:
         self._starts = tuple(fit for fit in starts if np.isfinite(fit.misfit))
         self.null, self._family = null, tuple(family)
         self._size, self._corrected = size, corrected
-        self._fit = fit_in_full if corrected else fit_hmi
         self._near: dict[tuple[str, ...], HmiFit] = {}
         self._done: dict[tuple[tuple[str, ...], int, bool], HmiFit] = {}
 
@@ -137,7 +136,10 @@ class Refits:
             extensions = [single.extensions[0] if e.cause is single.extensions[0].cause else e for e in extensions]
             mine = [e.cause is single.extensions[0].cause for e in extensions]
             start = np.where(mine, single.strengths[0], start)
-        return self._fit(problem, extensions, noise, size=self._size, start=unknowns, strengths=start)
+        return self._fit(problem, extensions, noise, start=unknowns, strengths=start)
+
+    def _fit(self, problem: HmiDiagnosisProblem, extensions: Sequence[Extension], noise: Noise, **begun) -> HmiFit:
+        return (fit_in_full if self._corrected else fit_hmi)(problem, extensions, noise, size=self._size, **begun)
 
     def _from(
         self, unknowns: Float[np.ndarray, " unknown"], strength: float, extension: Extension, noise: Noise
@@ -147,7 +149,7 @@ class Refits:
             # Where it is corrected to the full simulation, fits come out: not where there is no such cause.
             near = problem.corrected_at(unknowns, moved_by(problem, [extension]))
             problem = near if near.correction is not None and near.correction.is_finite else problem
-        return self._fit(problem, [extension], noise, size=self._size, start=unknowns, strengths=np.array([strength]))
+        return self._fit(problem, [extension], noise, start=unknowns, strengths=np.array([strength]))
 
     def _profiled(self, fit: HmiFit, noise: Noise) -> HmiFit:
         """With intervals, that of one cause over all strengths that are known to describe the data."""
