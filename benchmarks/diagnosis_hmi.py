@@ -29,10 +29,11 @@ import arfjax as ax
 from benchmarks.diagnosis_docs import HMI_STUDY, write_docs
 from benchmarks.diagnosis_limits import Design, limits, projected_length
 from benchmarks.diagnosis_record import arguments, code_of, recorded, stamp
-from benchmarks.diagnosis_summary import MOST_IMPLAUSIBLE, NO_DATA, summarise
+from benchmarks.diagnosis_summary import NO_DATA, summarise
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.datasets.shipped import shipped
 from inverse.diagnosis import HMI_CAUSES, Diagnosis, diagnose_hmi
+from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.examination import noise_size
 from inverse.diagnosis.hmi.fitting import HmiFit

@@ -13,8 +13,6 @@ one thought (`noise-model`) is none of them."""
 
 NO_DATA = "no data"
 """In place of a verdict: in this tissue no strength has the wanted d', or none that there can be."""
-MOST_IMPLAUSIBLE = 10.0
-"""Strength over the plausible one above which there can be none."""
 
 
 def rate(happened: Sequence[bool]) -> Rate:
@@ -40,7 +38,7 @@ def summarise(
         removed: From `removed_limits`.
     """
     every, lines = lines, [line for line in lines if line["verdict"] != NO_DATA]
-    # A cause that a diagnosis lists as one that the data cannot show is none that it can name: see `unseen`.
+    # A cause that a diagnosis lists as one that the data cannot show is none that it can name: see `_unseen`.
     hidden = [line for line in lines if line["part"] == "known"]
     known = _grouped((line for line in hidden if _is_testable(line)), lambda line: f"{line['d_prime']:g}")
     return {
@@ -63,6 +61,7 @@ def summarise(
         "removed limit": removed or {},
         "data sets": len(lines),
         "no such data": len(every) - len(lines),
+        "decided afterwards": _decided_afterwards([line for line in every if line["part"] == "known"]),
         "not testable": _unseen([line for line in hidden if not _is_testable(line)]) | {"of": len(hidden)},
         "seconds a set": float(np.median([line["seconds"] for line in lines])) if lines else float("nan"),
     }
@@ -104,6 +103,23 @@ def _mean_limit(lines: Sequence[Line], limit: dict[str, dict[str, float]]) -> di
     names = [line["name"] for line in lines]
     keys = next(iter(limit.values()), {})
     return {key: float(np.mean([limit[name][key] for name in names])) for key in keys}
+
+
+def _decided_afterwards(lines: Sequence[Line]) -> dict[str, dict[str, int]]:
+    """Rates with all that was diagnosed in them, by d', of a record some of whose lines were left out after a look."""
+    if not any("said" in line for line in lines):
+        return {}
+    all_known = [line | {"verdict": line.get("said", line["verdict"])} for line in lines]
+    found = {}
+    for d, of_d in _grouped(all_known, lambda line: f"{line['d_prime']:g}").items():
+        counted = [line for line in of_d if line["verdict"] != NO_DATA]
+        found[d] = {
+            "sets": len(counted),
+            "detected": sum(line["verdict"] in DETECTED for line in counted),
+            "first": sum(line["first"] == line["name"] for line in counted),
+            "in the set": sum(line["name"] in line["named"] + line["confusable"] for line in counted),
+        }
+    return found
 
 
 def _unseen(lines: Sequence[Line]) -> dict[str, Any]:

@@ -37,7 +37,7 @@ _TOLERANCE = 1e-2
 """Relative change of the sum of squares at which a fit ends; no more is asked of a direction."""
 _MOST_IN_FULL = 4
 """Rough fits of which the full simulation is asked; seconds each."""
-WORTH_ASKING = 2.0
+_WORTH_ASKING = 2.0
 """t that the fast simulation has to give them."""
 _HALVINGS = 6
 _LEAST = 0.5
@@ -106,7 +106,7 @@ def in_full(
         size: Of the noise, in units of the weights: what the priors count against.
     """
     problem, program = null.problem, null.problem.program
-    least = begun.misfit / (1.0 + WORTH_ASKING**2 / begun.freedom)
+    least = begun.misfit / (1.0 + _WORTH_ASKING**2 / begun.freedom)
     gaining = sorted((fit for fit in best_of_each(fits).values() if fit.misfit < least), key=lambda fit: fit.misfit)
     in_turn = itertools.chain.from_iterable(itertools.zip_longest(gaining, _seen_best(fits, null, family)))
     asked = list({id(fit): fit for fit in in_turn if fit is not None}.values())[:_MOST_IN_FULL]
@@ -131,7 +131,7 @@ def _seen_best(fits: Sequence[RoughFit], null: HmiFit, family: Sequence[Noise]) 
     seen: dict[str, RoughFit] = {}
     for row in np.argsort(-np.abs(statistic)):
         of_it = next(fit for fit in usable if fit.alternative is screen.alternatives[row])
-        if abs(statistic[row]) > WORTH_ASKING:
+        if abs(statistic[row]) > _WORTH_ASKING:
             seen.setdefault(of_it.alternative.name, of_it)
     return list(seen.values())
 

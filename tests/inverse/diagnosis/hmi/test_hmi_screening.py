@@ -52,7 +52,7 @@ def test_alternatives_are_the_effects_of_detectable_strengths(problem):
             np.testing.assert_allclose(one.directions[:, 0] * sign * reach * cause.plausible, change, atol=1e-10)
 
 
-@pytest.mark.parametrize(("name", "strength"), [(LAG, 1.0), ("damage-law", 0.3)])
+@pytest.mark.parametrize(("name", "strength"), [(LAG, 0.25), ("damage-law", 0.3)])
 def test_screening_looks_along_the_way_to_the_fit_with_the_cause(problem, name, strength):
     """About the fit without a lag its effect says next to nothing; beliefs hold constants back in tests as in fits."""
     hidden, null, effects, rough = looked_for_in(problem, name, strength, 0.005)
@@ -66,8 +66,9 @@ def test_screening_looks_along_the_way_to_the_fit_with_the_cause(problem, name, 
     gained, roughly = (np.sqrt((null.misfit - one.misfit) * fit.freedom / one.misfit) for one in (fit, best))
     # A straight way comes at least as near to the data as where it leads: it is nearest to them somewhere on it.
     assert effect < gained and way > roughly
-    # Half of the gain: one that is just detected has t = 3.2 then, and the full simulation is asked about it from 2 on.
-    assert null.misfit - best.misfit > 0.5 * (null.misfit - fit.misfit)
+    # A tenth less of the gain is a twentieth of t: no more than a fifth of t's standard error where t is 4.5. (A lag of
+    # a second, t = 24, is too much for eight steps: on one of two machines they ended at 74 % of the gain.)
+    assert null.misfit - best.misfit > 0.9 * (null.misfit - fit.misfit)
     # The way from one fit to the other, but for the factors of the sonications.
     basis = np.linalg.qr(hidden.factors)[0]
     change = hidden.predict(best.unknowns) - hidden.predict(null.unknowns)
