@@ -84,10 +84,6 @@ from arfjax.mechanics.explicit.solver import capped_bulk_modulus as capped_bulk_
 from arfjax.mechanics.explicit.solver import solve_push_explicitly as solve_push_explicitly
 from arfjax.mechanics.force import force_map as force_map
 from arfjax.mechanics.harmonic.absorbing import AbsorbingLayer as AbsorbingLayer
-from arfjax.mechanics.harmonic.modulation import Modulation as Modulation
-from arfjax.mechanics.harmonic.modulation import SineIntensity as SineIntensity
-from arfjax.mechanics.harmonic.modulation import SinePressure as SinePressure
-from arfjax.mechanics.harmonic.modulation import Square as Square
 from arfjax.mechanics.harmonic.motion import layer_error as layer_error
 from arfjax.mechanics.harmonic.motion import power_balance as power_balance
 from arfjax.mechanics.harmonic.motion import solve_harmonic as solve_harmonic
@@ -103,6 +99,10 @@ from arfjax.mechanics.material.viscoelastic import ConstrainedModulus as Constra
 from arfjax.mechanics.material.viscoelastic import ShearModulus as ShearModulus
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField as ViscoelasticField
 from arfjax.mechanics.material.viscoelastic import YoungModulus as YoungModulus
+from arfjax.mechanics.modulation import Modulation as Modulation
+from arfjax.mechanics.modulation import SineIntensity as SineIntensity
+from arfjax.mechanics.modulation import SinePressure as SinePressure
+from arfjax.mechanics.modulation import Square as Square
 from arfjax.mechanics.transient.push import PushSettings as PushSettings
 from arfjax.mechanics.transient.push import solve_push as solve_push
 from arfjax.media import AcousticMedium as AcousticMedium

@@ -15,6 +15,7 @@ from arfjax import (
     SharpEdge,
     ShearModulus,
     ShortPush,
+    Square,
     TabulatedSize,
     Wall,
     YoungModulus,
@@ -144,7 +145,8 @@ def test_the_monitoring_of_the_example_and_its_choices(tmp_path):
     assert float(tracker.lateral_width) == pytest.approx(1540.0 / 7.25e6 * 0.09 / (np.pi * 16.5e-3))
     assert float(tracker.window_length) == pytest.approx(1e-3)
     text = changed(('probe = "shaking"', 'probe = "push"'), ("frequency_hz = 50.0\n", ""), ('modulation = "i', '# "i'))
-    described = read_experiment(write(tmp_path, text))
+    described = read_experiment(write(tmp_path, text.replace('push_modulation = "none"', 'push_modulation = "square"')))
+    assert described.stepwise().modulation == Square() and read_experiment(EXAMPLE).stepwise().modulation is None
     probe = described.monitoring.plan(described.model(), discretise(described.model(), refinement=0.3), 70.0)
     assert isinstance(probe, ShortPush) and probe.duration == 0.5e-3 and described.monitoring.mean_force() == 1.0
 

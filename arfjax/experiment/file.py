@@ -20,6 +20,7 @@ from arfjax.experiment.messages import EXAMPLE, explain
 from arfjax.experiment.monitoring import MonitoringSection
 from arfjax.experiment.numbers import Celsius, Millimetres, Number, Section, between
 from arfjax.experiment.sonication import SonicationSection
+from arfjax.mechanics.modulation import SineIntensity, SinePressure, Square
 from arfjax.model import Layer, Model
 from arfjax.protocols.discretisation import RIM_TO_HEAT, RIM_TO_START, Discretisation, relative_wavelengths
 from arfjax.protocols.stepwise import StepwiseProtocol
@@ -88,6 +89,10 @@ class Transducer(Section):
         return self.focal_length_mm - math.sqrt(self.focal_length_mm**2 - 0.25 * self.outer_diameter_mm**2)
 
 
+_COURSES = {"none": None, "intensity": SineIntensity(), "pressure": SinePressure(), "square": Square()}
+"""Of the force over a push: one period, of full depth, or on for the half in the middle."""
+
+
 class LayerSection(Section):
     """A planar layer: a named tissue, of which single constants may be replaced."""
 
@@ -107,6 +112,7 @@ class Protocol(Section):
     normalised_at_c: Celsius
     sonication_s: Annotated[Number, between(0.1, 180.0, "s", "is it in milliseconds? Give seconds")] = 60.0
     push_ms: Annotated[Number, between(0.01, 20.0, "ms", "is it in seconds? Give milliseconds")] = 0.5
+    push_modulation: Literal["none", "intensity", "pressure", "square"] = "none"
 
     @model_validator(mode="after")
     def _temperatures_rise(self) -> "Protocol":
@@ -198,6 +204,7 @@ class Experiment(Section):
             final_temperature=self.protocol.temperatures_c[-1],
             duration=self.protocol.sonication_s,
             push_duration=1e-3 * self.protocol.push_ms,
+            modulation=_COURSES[self.protocol.push_modulation],
         )
 
     def discretised(self, model: Model, temperature: float | None = None) -> Discretisation:

@@ -6,7 +6,7 @@ from pydantic import model_validator
 
 from arfjax.experiment.numbers import Celsius, Number, Section, between
 from arfjax.instruments.speckle_tracking import SpeckleTracker, single_element_tracker
-from arfjax.mechanics.harmonic.modulation import Modulation, SineIntensity, SinePressure, Square
+from arfjax.mechanics.modulation import Modulation, SineIntensity, SinePressure, Square
 from arfjax.model import Model
 from arfjax.protocols.discretisation import Discretisation
 from arfjax.protocols.probing import Probe, ShortPush, SteadyShaking

@@ -21,6 +21,7 @@ from arfjax.grid import AxisymmetricGrid, graded_positions
 from arfjax.laws import Temperature
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.elements.refinement import OuterLayer
+from arfjax.mechanics.modulation import Modulation
 from arfjax.mechanics.transient.push import PushSettings
 from arfjax.model import Layer, Model
 from arfjax.thermal.bioheat import ThermalField
@@ -74,10 +75,10 @@ class Discretisation(eqx.Module):
         n = 0 if self.outer_layer is None else self.outer_layer.n_elements
         return float(self.mesh.z_edges[n]), float(self.mesh.z_edges[-1 - n])
 
-    def push_steps(self, duration: float) -> PushSettings:
+    def push_steps(self, duration: float, modulation: Modulation | None = None) -> PushSettings:
         """Time steps of a push of that length [s], with which the run ends: as long as those of 0.5 ms."""
         n_steps = self.n_push_steps * max(round(duration / 0.5e-3), 1)
-        return PushSettings(time_step=duration / n_steps, n_steps=n_steps, push_duration=duration)
+        return PushSettings(duration / n_steps, n_steps, duration, modulation=modulation)
 
     def sound_field(
         self,

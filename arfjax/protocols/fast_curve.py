@@ -158,7 +158,7 @@ class FastCurve(eqx.Module):
         solid = self.solid if n_modes is None else self.solid.leading(n_modes)
         outside, inside = (_material(model, temperature, each) for each in (jnp.zeros((1, 1)), share[:, None]))
         force = self._power(model) * self.sound.force_at(model, temperature)[: solid.n_modes]
-        return reduced_push(solid, outside, inside, force, self.settings.push_steps(protocol.push_duration))
+        return reduced_push(solid, outside, inside, force, protocol.push_steps(self.settings))
 
     def excess(
         self, model: Model, temperatures: Float[Array, " step"], protocol: StepwiseProtocol, *, heating: Heating

@@ -63,7 +63,7 @@ def push_of(
         mesh: Of the solid.
         n_moments: How many displacements are kept.
     """
-    steps = fast.settings.push_steps(protocol.push_duration)
+    steps = protocol.push_steps(fast.settings)
     moments = np.unique(np.ceil(np.linspace(0.0, 1.0, n_moments + 1)[1:] * steps.n_steps).astype(int))
 
     def half_way(material: ViscoelasticField) -> Array:

@@ -83,7 +83,7 @@ def protocol_ladder(
         raise InputError("the ladder follows the dose, so that `model.lesion.size` must be a `DoseSize`.")
     states = states_when(heated, temperatures)
     by_dose = dataclasses.replace(model, lesion=dataclasses.replace(model.lesion, edge=DamageEdge()))
-    push = ShortPush(protocol.push_duration)
+    push = ShortPush(protocol.push_duration, protocol.modulation)
     start = protocol.start_temperature
 
     def uniform_force(state: TissueState) -> Float[Array, "rq zq"]:

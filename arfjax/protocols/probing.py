@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 from arfjax.errors import InputError
 from arfjax.laws import Temperature
 from arfjax.mechanics.elements.mesh import Mesh, interpolation_weights
-from arfjax.mechanics.harmonic.modulation import Modulation, SineIntensity
 from arfjax.mechanics.harmonic.periodic import solve_periodic
+from arfjax.mechanics.modulation import Modulation, SineIntensity
 from arfjax.mechanics.transient.push import solve_push
 from arfjax.media import Scalar, Solid
 from arfjax.model import Model
@@ -51,13 +51,15 @@ class Probe(eqx.Module):
 
 
 class ShortPush(Probe):
-    """A rectangular push beside the heating beam, which it does not weaken; displacement is that at its end.
+    """A push beside the heating beam, which it does not weaken; displacement is that at its end.
 
     Attributes:
         duration: [s].
+        modulation: Course of the force over it, see `PushSettings`; constant if not given.
     """
 
     duration: float = eqx.field(static=True, default=0.5e-3)
+    modulation: Modulation | None = eqx.field(static=True, default=None)
 
     def __check_init__(self) -> None:
         """Refuse what is none."""
@@ -82,7 +84,7 @@ class ShortPush(Probe):
     ) -> Float[Array, "r z"]:
         """See `Probe`."""
         material = material_in_time(model, temperature, solid, force.shape)
-        steps = settings.push_steps(self.duration)
+        steps = settings.push_steps(self.duration, self.modulation)
         return solve_push(settings.mesh, material, force, settings=steps).displacement[..., 1]
 
 

@@ -30,7 +30,7 @@ def focal_response(
     """
 
     def displacement(force: Float[Array, "rq zq"]) -> Float[Array, ""]:
-        result = solve_push(settings.mesh, material, force, settings=settings.push_steps(protocol.push_duration))
+        result = solve_push(settings.mesh, material, force, settings=protocol.push_steps(settings))
         return result.at_focus(settings.focus)[-1]
 
     return jax.grad(displacement)(jnp.zeros_like(material.density))

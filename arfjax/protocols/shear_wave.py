@@ -138,7 +138,7 @@ def watch_push(
     mesh, lesion = watch_mesh(settings, watch), lesion_at(model, heating, temperature, settings)
     share = lesion_share(model, heating, temperature, lesion, settings, mesh)
     force = force_at(model, temperature, protocol, settings, mesh)
-    steps = _steps(protocol.push_duration, watch)
+    steps = _steps(protocol, watch)
     # Displacement at all nodes, of which every other one, an element's edge, is kept: strain needs its neighbours.
     node_r = mesh.node_r[: 2 * int(np.sum(mesh.r_edges <= watch.radius * (1.0 + 1e-9))) - 1]
     kept = np.flatnonzero(np.abs(mesh.z_edges - settings.focus) <= watch.half_length * (1.0 + 1e-9))
@@ -171,10 +171,11 @@ def watch_push(
     )
 
 
-def _steps(push: float, watch: WatchSettings) -> PushSettings:
+def _steps(protocol: StepwiseProtocol, watch: WatchSettings) -> PushSettings:
     """Steps that divide the push, and the run as nearly as they can."""
+    push = protocol.push_duration
     length = push / max(_SMALLEST_COUNT, math.ceil(push / _LONGEST_STEP))
-    return PushSettings(time_step=length, n_steps=math.ceil(watch.duration / length - 1e-9), push_duration=push)
+    return PushSettings(length, math.ceil(watch.duration / length - 1e-9), push, modulation=protocol.modulation)
 
 
 def _force_width(force: Float[Array, "rq zq"], mesh: Mesh, focus: float) -> Float[Array, ""]:

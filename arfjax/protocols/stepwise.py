@@ -1,8 +1,8 @@
 """The paper's protocol: a sonication taken temperature by temperature, with one short push at each.
 
 Liver is at one uniform temperature in each step, which sets its attenuation; the lesion is as large as the dose of
-the sonication up to that step has made it (or as large as a table says); a rectangular push follows, and the
-displacement at the geometric focus at its end is what the step gives.
+the sonication up to that step has made it (or as large as a table says); a push follows, of constant force in the
+paper, and the displacement at the geometric focus at its end is what the step gives.
 
 The paper states neither the power nor the time course of the heating, but that a 60 s sonication takes the focus
 from 35 to 70 degC. So the bioheat equation is solved with the heat deposition of the field at the start temperature
@@ -20,7 +20,8 @@ from arfjax.acoustics.field import HarmonicField
 from arfjax.acoustics.intensity import heat_deposition
 from arfjax.laws import extrapolations
 from arfjax.mechanics.elements.mesh import Mesh
-from arfjax.mechanics.transient.push import PushResult, solve_push
+from arfjax.mechanics.modulation import Modulation
+from arfjax.mechanics.transient.push import PushResult, PushSettings, solve_push
 from arfjax.media import Scalar
 from arfjax.model import Model
 from arfjax.numerics.derivatives import forward_by_reverse
@@ -38,13 +39,19 @@ class StepwiseProtocol(eqx.Module):
         start_temperature: Of all tissue and of blood at the start of the sonication [degC].
         final_temperature: At the geometric focus at the end of the sonication [degC].
         duration: Of the sonication [s].
-        push_duration: Of the rectangular push; the displacement is read at its end [s].
+        push_duration: Of the push; the displacement is read at its end [s].
+        modulation: Course of the force over the push, see `PushSettings`; constant if not given.
     """
 
     start_temperature: float = eqx.field(static=True, default=35.0)
     final_temperature: float = eqx.field(static=True, default=70.0)
     duration: float = eqx.field(static=True, default=60.0)
     push_duration: float = eqx.field(static=True, default=0.5e-3)
+    modulation: Modulation | None = eqx.field(static=True, default=None)
+
+    def push_steps(self, settings: Discretisation) -> PushSettings:
+        """Time steps of a push, with which the run ends."""
+        return settings.push_steps(self.push_duration, self.modulation)
 
 
 class Heating(eqx.Module):
@@ -176,7 +183,7 @@ def push(
     """One push of liver at `temperature` [degC], of which a share is lesion, by a force density [N/m^3] on the axis."""
     mesh = settings.mesh
     material = push_material(model, temperature, share)
-    return solve_push(mesh, material, force, settings=settings.push_steps(protocol.push_duration))
+    return solve_push(mesh, material, force, settings=protocol.push_steps(settings))
 
 
 def run_stepwise(

@@ -20,10 +20,10 @@ from arfjax.errors import InputError
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.elements.refinement import focused_mesh
 from arfjax.mechanics.harmonic.absorbing import AbsorbingLayer
-from arfjax.mechanics.harmonic.modulation import Modulation
 from arfjax.mechanics.harmonic.motion import layer_error
 from arfjax.mechanics.harmonic.periodic import solve_periodic
 from arfjax.mechanics.material.harmonic import SolidField, shear_wavelength
+from arfjax.mechanics.modulation import Modulation
 from arfjax.media import Scalar
 from arfjax.model import Model
 from arfjax.protocols.discretisation import LIVER_RADIUS, Discretisation

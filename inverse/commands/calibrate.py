@@ -1,6 +1,7 @@
 """`arfjax calibrate`: fit attenuation and lesion constants to HMI data and write what came out."""
 
 import csv
+import dataclasses
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +18,6 @@ from arfjax import (
     Experiment,
     InputError,
     Model,
-    StepwiseProtocol,
     explain,
     range_notes,
     read_experiment,
@@ -97,7 +97,7 @@ def _curves(
     """
     protocol = described.stepwise()
     highest = protocol.final_temperature if measured.temperature is None else float(measured.temperature.max())
-    protocol = StepwiseProtocol(protocol.start_temperature, highest, protocol.duration, protocol.push_duration)
+    protocol = dataclasses.replace(protocol, final_temperature=highest)
     reference = settings.reference_temperature_c
     temperatures = np.union1d(np.linspace(protocol.start_temperature, highest, 26), [reference])
     run = eqx.filter_jit(lambda model: run_stepwise(model, jnp.asarray(temperatures), protocol, discretisation))

@@ -17,6 +17,12 @@ from inverse.commands.notes import sound_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _SHORTEST_WATCH, _LONGEST_WATCH = 0.5, 50.0  # ms
+_COURSES = {
+    "none": "",
+    "intensity": ", whose intensity is one period of a sine,",
+    "pressure": ", whose pressure amplitude is one period of a sine,",
+    "square": ", on for the half in its middle,",
+}
 
 
 def push_command(
@@ -125,8 +131,8 @@ def _report(described: Experiment, data: xr.Dataset, figures: list[str], notes: 
     lines = [
         f"# {described.title}: one push",
         "",
-        f"A push of {1e3 * data.attrs['push_duration_s']:g} ms by {data.attrs['acoustic_power_w']:g} W of acoustic "
-        f"power at {data.attrs['temperature_degc']:g} degC.",
+        f"A push of {1e3 * data.attrs['push_duration_s']:g} ms{_COURSES[described.protocol.push_modulation]} by "
+        f"{data.attrs['acoustic_power_w']:g} W of acoustic power at {data.attrs['temperature_degc']:g} degC.",
         "",
         "| quantity | value |",
         "| --- | ---: |",

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from arfjax import StepwiseProtocol
+from arfjax import SineIntensity, Square, StepwiseProtocol
 
 COAGULATION = (48.0, 60.0)
 """Between which liver coagulates in a sonication of a minute or so [degC]."""
@@ -50,6 +50,8 @@ def hmi_proposals(
 ) -> tuple[HmiProposal, ...]:
     """One sonication each, all with as many readings: another end, pace, push, place of the readings, or instrument.
 
+    Pushes of constant force vary in length and in course, those that are modulated already in length alone.
+
     Args:
         protocol: Of the sonications that were made.
         reference: Temperature of the first reading [degC].
@@ -75,6 +77,15 @@ def hmi_proposals(
         one("mr-displacement", "one more sonication with displacement by magnetic resonance instead of ultrasound",
             immune=(TRACKING,)),
     ]  # fmt: skip
+    if protocol.modulation is None:
+        # Both with the impulse of the usual push.
+        found += [
+            one("modulated-push", f"pushes of {2e3 * push:.2g} ms whose force rises and falls as one period of a sine, "
+                f"instead of {1e3 * push:.2g} ms of constant force",
+                push_duration=2.0 * push, modulation=SineIntensity()),
+            one("later-reading", f"displacement read {0.5e3 * push:.2g} ms after the end of the push instead of at it",
+                push_duration=2.0 * push, modulation=Square()),
+        ]  # fmt: skip
     if hottest + _HOTTER <= _HOTTEST:
         found.append(one("hotter", f"a sonication to {hottest + _HOTTER:.0f} degC", hottest + _HOTTER))
     if reference + _LEAST_RISE < _BELOW_COAGULATION < hottest - _LEAST_RISE:

@@ -256,7 +256,7 @@ class Bench:
 
     @functools.cached_property
     def _push(self) -> Callable[[ViscoelasticField, Array], Array]:
-        steps, settings = self.settings.push_steps(self.protocol.push_duration), self.settings
+        steps, settings = self.protocol.push_steps(self.settings), self.settings
         return jax.jit(
             lambda material, force: solve_push(settings.mesh, material, force, settings=steps).at_focus(settings.focus)
         )

@@ -12,6 +12,7 @@ import pytest
 import arfjax
 from arfjax import (
     DoseSize,
+    Square,
     discretise,
     focal_temperature_at,
     read_experiment,
@@ -256,6 +257,21 @@ def test_the_fit_s_displacement_is_the_run_s(model, protocol, coarse, run):
         return stepwise_displacement(model, jnp.asarray(TEMPERATURES), protocol, coarse, heating=heating)
 
     np.testing.assert_allclose(eqx.filter_jit(alone)(model), run(model).displacement, rtol=1e-12)
+
+
+def test_a_modulated_push_is_the_difference_of_two_that_go_on(model, protocol, coarse):
+    """On for the half in its middle: motion is linear in the force."""
+    longer = dataclasses.replace(protocol, push_duration=2e-3)
+    middle = dataclasses.replace(longer, modulation=Square())
+
+    def histories(model):
+        heating = simulate_heating(model, protocol, coarse)
+        at = jnp.asarray(TEMPERATURES[-1:])
+        return [run_stepwise(model, at, p, coarse, heating=heating).displacement_history[0] for p in (longer, middle)]
+
+    on, found = eqx.filter_jit(histories)(model)
+    quarter = (len(on) - 1) // 4
+    np.testing.assert_allclose(found[-1], on[3 * quarter] - on[quarter], rtol=1e-9)
 
 
 @pytest.mark.slow

@@ -10,10 +10,10 @@ from jaxtyping import Array, Complex, Float
 from arfjax.errors import InputError
 from arfjax.mechanics.elements.mesh import Mesh, interpolation_weights
 from arfjax.mechanics.harmonic.absorbing import AbsorbingLayer
-from arfjax.mechanics.harmonic.modulation import Modulation
 from arfjax.mechanics.harmonic.motion import ForceField, solve_harmonic
 from arfjax.mechanics.material.harmonic import HarmonicMaterial
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
+from arfjax.mechanics.modulation import Modulation
 from arfjax.media import Scalar
 from arfjax.numerics.harmonics import peak_to_peak, sum_of_harmonics
 

@@ -45,10 +45,9 @@ def push_snapshots(
     nodal = nodal.transpose(2, 0, 1)
     scheme = Scheme(settings.time_step, settings.spectral_radius)
     solid = prepare(mesh, material, settings.time_step)
-    jumps = jnp.zeros(settings.n_steps).at[0].set(1.0)
-    balance = jnp.broadcast_to(nodal[None], (settings.n_steps, *nodal.shape))
+    balance = settings.course[:, None, None, None] * nodal[None]
     factor = factor_of_a_step(mesh, scheme, material, backend=settings.backend)
-    loads = Loads(balance, jumps, acceleration(mesh, solid, nodal))
+    loads = Loads(balance, settings.jumps, acceleration(mesh, solid, nodal))
     changes = march(mesh, scheme, solid, factor, loads)
     return jnp.cumsum(changes, axis=0)[moments - 1]
 

@@ -113,14 +113,14 @@ def reduced_push(
     force: Float[Array, " mode"],
     settings: PushSettings,
 ) -> Float[Array, ""]:
-    """Axial displacement at the focus [m] at the end of a push that lasts for the whole run.
+    """Axial displacement at the focus [m] at the end of the run.
 
     Args:
         solid: Shapes and points.
         outside: The uniform solid, on a grid of one point.
         inside: What is at the points, on a grid (point, 1); of the density of the outside.
-        force: Work of the force on a unit of each amplitude [N].
-        settings: Steps in time.
+        force: Work of the force on a unit of each amplitude [N], where the force is strongest.
+        settings: Steps in time, and the force's course over them.
 
     Accuracy: that of `solve_push` with as many steps, beside what the shapes and the points leave out, which
         `arfjax.mechanics.reduced.basis` makes small.
@@ -180,13 +180,15 @@ def _march(
     keeps, gains = (jnp.asarray(each) for each in scheme.update())
     inverse = jax.scipy.linalg.cho_solve(factor, jnp.eye(solid.n_modes))
 
-    def step(state: _State, _: None) -> tuple[_State, None]:
-        rates = keeps @ state.rates
+    def step(state: _State, now: tuple[Array, Array]) -> tuple[_State, None]:
+        share, jump = now
+        before = state.rates.at[1].add(jump * struck)
+        rates = keeps @ before
         left_outside, left_inside = around.decay[:, None] * state.outside, within.decay[:, None, :] * state.inside
-        acceleration = _mix(state.rates[1], rates[1], scheme.old_inertia)
+        acceleration = _mix(before[1], rates[1], scheme.old_inertia)
         stress_outside = jnp.sum(_mix(state.outside, left_outside, scheme.old_stress), axis=0)
         stress_inside = extra[None] * state.shape + jnp.sum(_mix(state.inside, left_inside, scheme.old_stress), axis=0)
-        missing = force - mass @ acceleration - elastic @ state.amplitude
+        missing = share * force - mass @ acceleration - elastic @ state.amplitude
         # What the surroundings' branches hold, but for the points, where the inclusion's do.
         missing = missing - solid.beside_points @ stress_outside
         change = inverse @ (missing - jnp.einsum("cpm,cp->m", solid.shape, stress_inside))
@@ -203,12 +205,12 @@ def _march(
     struck = jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(solid.mass), force) / outside.density[0, 0]
     start = _State(
         nothing,
-        jnp.stack([nothing, struck]),
+        jnp.stack([nothing, nothing]),
         jnp.zeros((3, len(solid.r)), force.dtype),
         jnp.zeros((around.gain.shape[0], len(force)), force.dtype),
         jnp.zeros((within.gain.shape[0], 3, len(solid.r)), force.dtype),
     )
-    final, _ = jax.lax.scan(step, start, None, length=settings.n_steps)
+    final, _ = jax.lax.scan(step, start, (settings.course.astype(force.dtype), settings.jumps.astype(force.dtype)))
     return jnp.dot(solid.at_focus, final.amplitude)
 
 

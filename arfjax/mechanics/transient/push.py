@@ -22,6 +22,7 @@ from arfjax.errors import InputError
 from arfjax.mechanics.elements.axisymmetric import load
 from arfjax.mechanics.elements.mesh import Mesh, interpolation_weights
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
+from arfjax.mechanics.modulation import Modulation
 from arfjax.mechanics.transient.march import Loads, Scheme, acceleration, factor_of_a_step, march, prepare
 from arfjax.media import Scalar
 
@@ -44,6 +45,8 @@ class PushSettings(eqx.Module):
         n_steps: Number of steps; the run ends at `n_steps * time_step`.
         push_duration: The force is on from 0 to here [s]: a whole number of steps, or at least the whole run (as if not
             given).
+        modulation: Course of the force over the push, one period of it that begins where the force is weakest; constant
+            if not given. Each step has the mean of its time.
         spectral_radius: Of the amplification at high frequencies, from 0 (strongest numerical damping) to 1 (none:
             energy is conserved).
         backend: Of the sparse solves, see `factorise`.
@@ -52,6 +55,7 @@ class PushSettings(eqx.Module):
     time_step: float = eqx.field(static=True)
     n_steps: int = eqx.field(static=True)
     push_duration: float = eqx.field(static=True, default=math.inf)
+    modulation: Modulation | None = eqx.field(static=True, default=None, kw_only=True)
     spectral_radius: float = eqx.field(static=True, default=0.8)
     backend: str = eqx.field(static=True, default="superlu")
 
@@ -80,6 +84,20 @@ class PushSettings(eqx.Module):
     def push_steps(self) -> int:
         """Number of steps during which the force is on."""
         return round(min(self.push_duration / self.time_step, self.n_steps))
+
+    @property
+    def course(self) -> Float[Array, " step"]:
+        """Share of the force's largest that each step has."""
+        n_on = self.push_steps
+        if self.modulation is None:
+            return jnp.asarray(np.arange(self.n_steps) < n_on, dtype=float)
+        impulse = self.modulation.impulse(np.linspace(-np.pi, np.pi, n_on + 1))
+        return jnp.pad(jnp.diff(impulse) * n_on / (2.0 * np.pi), (0, self.n_steps - n_on))
+
+    @property
+    def jumps(self) -> Float[Array, " step"]:
+        """By how much that share grows at the start of each step."""
+        return jnp.diff(self.course, prepend=0.0)
 
 
 class PushResult(eqx.Module):
@@ -129,7 +147,7 @@ def solve_push(
         radial_force: Force density along r at the Gauss points [N/m^3]; none if not given.
         amplitude: What the force is multiplied by [1]: a function of the times `settings.times`, or its values at these
             times (linear in between), or its values at the start and at the end of each step (then it may jump between
-            steps). If not given it is 1 to `settings.push_duration` and 0 afterwards.
+            steps). If not given it is the course of `settings` to its `push_duration` and 0 afterwards.
         points: Positions r, z [m] off the axis at which to give the whole history.
 
     Raises:
@@ -187,8 +205,7 @@ def _ends_of_steps(amplitude: Amplitude | None, settings: PushSettings) -> Float
     """Amplitude at the start and at the end of each step."""
     n_steps = settings.n_steps
     if amplitude is None:
-        on = jnp.asarray(np.arange(n_steps) < settings.push_steps, dtype=float)
-        return jnp.stack([on, on], axis=1)
+        return jnp.stack([settings.course, settings.course], axis=1)
     values = amplitude(jnp.asarray(settings.times, dtype=float)) if callable(amplitude) else jnp.asarray(amplitude)
     if values.shape == (n_steps + 1,):
         return jnp.stack([values[:-1], values[1:]], axis=1)

@@ -10,11 +10,11 @@ import pytest
 from arfjax.errors import InputError
 from arfjax.grid import graded_positions
 from arfjax.mechanics.elements.mesh import Mesh
-from arfjax.mechanics.harmonic.modulation import Modulation, SineIntensity, SinePressure, Square
 from arfjax.mechanics.harmonic.motion import HarmonicResult, solve_harmonic
 from arfjax.mechanics.harmonic.periodic import PeriodicResult, solve_periodic
 from arfjax.mechanics.material.harmonic import solid_field
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField, YoungModulus
+from arfjax.mechanics.modulation import Modulation, SineIntensity, SinePressure, Square
 from arfjax.media import FractionalZener
 from arfjax.suomi2016 import TABLE_2_FRACTIONAL_ZENER
 from tests.checks import assert_gradient_of_each_leaf

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax import InputError, Mesh, PushSettings, Zener, solve_push
+from arfjax import InputError, Mesh, PushSettings, SineIntensity, Zener, solve_push
 from arfjax.mechanics.material.inclusion import material_of, mixed
 from arfjax.mechanics.material.viscoelastic import YoungModulus
 from arfjax.mechanics.reduced.basis import Sample, principal_shapes, push_snapshots, reduced_force, with_points
@@ -15,6 +15,7 @@ from tests.checks import assert_gradient
 MESH = Mesh(np.linspace(0.0, 3e-3, 4), np.linspace(0.0, 6e-3, 7))
 FOCUS = 3e-3
 STEPS = PushSettings(time_step=5e-5, n_steps=10)
+MOMENTS = np.arange(1, STEPS.n_steps + 1)
 LIVER, LESION = Zener(1100.0, 2000.0, 3e-3), Zener(8.0, 2e4, 1e-3)
 SHAPE = (len(MESH.gauss_r), len(MESH.gauss_z))
 
@@ -43,7 +44,7 @@ def full(solid, push):
 
 @jax.jit
 def snapshots(solid):
-    return push_snapshots(MESH, solid, force(), STEPS, np.arange(1, STEPS.n_steps + 1))
+    return push_snapshots(MESH, solid, force(), STEPS, MOMENTS)
 
 
 def reduced(*solids, n_modes, tolerance):
@@ -89,11 +90,14 @@ def reduced_at(solid, around, inside, work):
     return reduced_push(solid, around, inside, work, STEPS)
 
 
-def test_a_motion_that_was_seen_is_given_back():
+@pytest.mark.parametrize("steps", [STEPS, PushSettings(5e-5, 10, 4e-4, modulation=SineIntensity())])
+def test_a_motion_that_was_seen_is_given_back(steps, monkeypatch):
     inclusion = material(elements_within())
+    monkeypatch.setattr(f"{__name__}.snapshots", lambda solid: push_snapshots(MESH, solid, force(), steps, MOMENTS))
     solid, work = reduced(inclusion, n_modes=10, tolerance=1e-9)
-    value = reduced_at(solid, material(jnp.zeros((1, 1))), inside_of(solid, inclusion), work)
-    np.testing.assert_allclose(value, full(inclusion, force()), rtol=1e-6)
+    value = reduced_push(solid, material(jnp.zeros((1, 1))), inside_of(solid, inclusion), work, steps)
+    expected = solve_push(MESH, inclusion, force(), settings=steps).at_focus(FOCUS)[-1]
+    np.testing.assert_allclose(value, expected, rtol=1e-6)
 
 
 def test_without_an_inclusion_points_do_nothing():

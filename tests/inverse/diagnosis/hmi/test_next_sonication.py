@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from arfjax import StepwiseProtocol
+from arfjax import SineIntensity, StepwiseProtocol
 from inverse.commands.main import run
 from inverse.design import design_hmi
 from inverse.design.hmi_proposals import THERMOCOUPLE, TRACKING, hmi_proposals
@@ -28,6 +28,11 @@ def test_proposals_are_what_they_say():
     assert found["again"].protocol == dataclasses.replace(usual, final_temperature=75.0)
     assert found["slower"].protocol.duration == 120.0 and found["faster"].seconds == 30.0
     assert found["longer-push"].protocol.push_duration == 1e-3 == 4.0 * found["shorter-push"].protocol.push_duration
+    # The impulse of the usual push, on another course.
+    for name in ("modulated-push", "later-reading"):
+        course, given = found[name].protocol.modulation, found[name].protocol.push_duration
+        np.testing.assert_allclose(given * float(course.coefficients(0)[0].real), usual.push_duration, rtol=1e-12)
+    assert "0.25 ms after" in found["later-reading"].words
     assert found["hotter"].temperature[-1] == 83.0 and found["not-coagulating"].temperature[-1] == 50.0
     assert found["around-coagulation"].temperature[1] == 48.0 and found["around-coagulation"].temperature[-1] == 60.0
     assert found["mr-thermometry"].immune == (THERMOCOUPLE,) and found["mr-displacement"].immune == (TRACKING,)
@@ -39,6 +44,9 @@ def test_nothing_is_proposed_that_the_protocol_does_not_allow():
     assert "not-coagulating" not in names and "around-coagulation" not in names
     names = {one.name for one in hmi_proposals(usual, reference=37.0, hottest=85.0, readings=6)}
     assert "hotter" not in names
+    modulated = StepwiseProtocol(start_temperature=35.0, modulation=SineIntensity())
+    names = {one.name for one in hmi_proposals(modulated, reference=37.0, hottest=70.0, readings=6)}
+    assert "modulated-push" not in names and "longer-push" in names
 
 
 def test_places_of_immune_causes_exist():
@@ -77,7 +85,7 @@ def test_more_data_never_separate_worse_and_another_thermometer_tells_its_faults
     # A thermometer that does not lag says how the curve runs without it.
     lag = told.now.names.index(LAG)
     assert rated["mr-thermometry"].d_prime[lag] > rated["again"].d_prime[lag]
-    assert len(told.rated) + len(told.notes) == 10
+    assert len(told.rated) + len(told.notes) == 12
     content = as_json(told)
     assert content["proposals"][0]["words"] in report(told, "drifting.csv")
     json.dumps(content, allow_nan=False)

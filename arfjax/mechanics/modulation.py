@@ -35,6 +35,10 @@ class Modulation(eqx.Module):
     def force(self, phase: Phase) -> Float[Array, "*time"]:
         """Force as a share of the largest at phase omega t [rad]."""
 
+    @abc.abstractmethod
+    def impulse(self, phase: Phase) -> Float[Array, "*time"]:
+        """Integral of that share over phases from -pi, where the force is weakest, to `phase`, up to pi [rad]."""
+
 
 class SinePressure(Modulation):
     r"""Pressure amplitude $p_{max} (1 + m \cos \omega t) / (1 + m)$: the force has a second harmonic.
@@ -63,6 +67,12 @@ class SinePressure(Modulation):
     def force(self, phase: Phase) -> Float[Array, "*time"]:
         """See `Modulation`."""
         return ((1.0 + self.depth * jnp.cos(jnp.asarray(phase))) / (1.0 + self.depth)) ** 2
+
+    def impulse(self, phase: Phase) -> Float[Array, "*time"]:
+        """See `Modulation`."""
+        m, phase = self.depth, jnp.asarray(phase)
+        tones = 2.0 * m * jnp.sin(phase) + 0.25 * m**2 * jnp.sin(2.0 * phase)
+        return ((1.0 + 0.5 * m**2) * (phase + np.pi) + tones) / (1.0 + m) ** 2
 
 
 class SineIntensity(Modulation):
@@ -94,6 +104,11 @@ class SineIntensity(Modulation):
     def force(self, phase: Phase) -> Float[Array, "*time"]:
         """See `Modulation`."""
         return (1.0 + self.depth * jnp.cos(jnp.asarray(phase))) / (1.0 + self.depth)
+
+    def impulse(self, phase: Phase) -> Float[Array, "*time"]:
+        """See `Modulation`."""
+        phase = jnp.asarray(phase)
+        return (phase + np.pi + self.depth * jnp.sin(phase)) / (1.0 + self.depth)
 
 
 class Square(Modulation):
@@ -128,6 +143,11 @@ class Square(Modulation):
         """See `Modulation`."""
         from_middle = jnp.abs(jnp.mod(jnp.asarray(phase) + np.pi, 2.0 * np.pi) - np.pi)
         return jnp.where(from_middle < np.pi * self.duty_cycle, 1.0, 0.0)
+
+    def impulse(self, phase: Phase) -> Float[Array, "*time"]:
+        """See `Modulation`."""
+        half = np.pi * self.duty_cycle
+        return jnp.clip(jnp.asarray(phase) + half, 0.0, 2.0 * half)
 
 
 def _padded(first: list[Float[Array, ""]], n_harmonics: int) -> Complex[Array, " harmonic"]:
