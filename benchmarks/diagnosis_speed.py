@@ -126,12 +126,14 @@ def main() -> None:
     content: dict = {
         "benchmark": "diagnosis_speed",
         "limits_s": LIMITS,
+        "complete": False,
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }
     given.out.parent.mkdir(parents=True, exist_ok=True)
     for name, parts in PARTS.items():
         for part, measure in parts.items():
             content.setdefault(name, {})[part] = measure()
+            content["complete"] = all(len(content.get(each, {})) == len(PARTS[each]) for each in PARTS)
             given.out.write_text(json.dumps(content, indent=2) + "\n")
 
 

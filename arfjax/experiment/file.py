@@ -89,8 +89,8 @@ class Transducer(Section):
         return self.focal_length_mm - math.sqrt(self.focal_length_mm**2 - 0.25 * self.outer_diameter_mm**2)
 
 
-_COURSES = {"none": None, "intensity": SineIntensity(), "pressure": SinePressure(), "square": Square()}
-"""Of the force over a push: one period, of full depth, or on for the half in the middle."""
+PUSH_MODULATIONS = {"none": None, "intensity": SineIntensity(), "pressure": SinePressure(), "square": Square()}
+"""Courses of the force over a push: one period, of full depth, or on for the half in the middle."""
 
 
 class LayerSection(Section):
@@ -204,7 +204,7 @@ class Experiment(Section):
             final_temperature=self.protocol.temperatures_c[-1],
             duration=self.protocol.sonication_s,
             push_duration=1e-3 * self.protocol.push_ms,
-            modulation=_COURSES[self.protocol.push_modulation],
+            modulation=PUSH_MODULATIONS[self.protocol.push_modulation],
         )
 
     def discretised(self, model: Model, temperature: float | None = None) -> Discretisation:

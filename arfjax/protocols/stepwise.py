@@ -40,7 +40,8 @@ class StepwiseProtocol(eqx.Module):
         final_temperature: At the geometric focus at the end of the sonication [degC].
         duration: Of the sonication [s].
         push_duration: Of the push; the displacement is read at its end [s].
-        modulation: Course of the force over the push, see `PushSettings`; constant if not given.
+        modulation: Course of the force over the push, see `PushSettings`; constant if not given. The displacement is
+            read where it ends, at its weakest: tissue that has come back by then shows little. Its numbers are floats.
     """
 
     start_temperature: float = eqx.field(static=True, default=35.0)

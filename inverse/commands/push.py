@@ -19,9 +19,9 @@ from inverse.output import output_directory, quantity, write_figures, write_summ
 _SHORTEST_WATCH, _LONGEST_WATCH = 0.5, 50.0  # ms
 _COURSES = {
     "none": "",
-    "intensity": ", whose intensity is one period of a sine,",
-    "pressure": ", whose pressure amplitude is one period of a sine,",
-    "square": ", on for the half in its middle,",
+    "intensity": ", whose intensity is one period of a sine that ends at nothing,",
+    "pressure": ", whose pressure amplitude is one period of a sine that ends at nothing,",
+    "square": ", on for its middle half,",
 }
 
 
@@ -58,6 +58,7 @@ def push_command(
             "title": described.title,
             "acoustic_power_w": float(model.drive.acoustic_power),
             "push_duration_s": protocol.push_duration,
+            "push_modulation": described.protocol.push_modulation,
             "arfjax_version": arfjax.__version__,
         }
         write_netcdf(data, folder / "push.nc")

@@ -34,6 +34,11 @@ class Proposal(Protocol):
         """How long it takes [s]."""
         ...
 
+    @property
+    def keys(self) -> dict[str, float | str]:
+        """What `[protocol]` of an experiment file says of it; nothing where there is none."""
+        ...
+
     def __len__(self) -> int:
         """Number of readings."""
         ...

@@ -42,6 +42,11 @@ class DmaProposal:
         """From the first of its readings to the last [s]."""
         return float(self.time[-1] - self.time[0])
 
+    @property
+    def keys(self) -> dict[str, float | str]:
+        """None: no experiment file says anything of a DMA."""
+        return {}
+
 
 def dma_proposals(data: DmaData, *, sample: str | None = None, seed: int = 0) -> tuple[DmaProposal, ...]:
     """What can be done with the same instrument and sample, each about as long as what has been done.

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from arfjax import SineIntensity, Square, StepwiseProtocol
+from arfjax.experiment.file import PUSH_MODULATIONS
 
 COAGULATION = (48.0, 60.0)
 """Between which liver coagulates in a sonication of a minute or so [degC]."""
@@ -13,6 +14,8 @@ _BELOW_COAGULATION = 50.0
 _HOTTER = 8.0
 _HOTTEST = 90.0
 _LEAST_RISE = 5.0
+_LONGEST_PUSH = 20e-3
+"""That an experiment file may have [s]."""
 THERMOCOUPLE, TRACKING = "instruments: thermocouple", "instruments: tracking"
 """Places of causes that another instrument does not have."""
 
@@ -44,6 +47,16 @@ class HmiProposal:
         """How long it takes [s]."""
         return self.protocol.duration
 
+    @property
+    def keys(self) -> dict[str, float | str]:
+        """What `[protocol]` says of it in an experiment file."""
+        modulations = [name for name, each in PUSH_MODULATIONS.items() if each == self.protocol.modulation]
+        return {
+            "sonication_s": self.protocol.duration,
+            "push_ms": 1e3 * self.protocol.push_duration,
+            "push_modulation": [*modulations, "another"][0],
+        }
+
 
 def hmi_proposals(
     protocol: StepwiseProtocol, *, reference: float, hottest: float, readings: int
@@ -64,20 +77,23 @@ def hmi_proposals(
                            np.linspace(reference, final, readings), immune)  # fmt: skip
 
     usual, push = protocol.duration, protocol.push_duration
+    pushes = "pushes of" if protocol.modulation is None else "pushes whose course takes"
     found = [
         one("again", f"one more sonication to {hottest:.0f} degC"),
         one("slower", f"a sonication to {hottest:.0f} degC in {2.0 * usual:.0f} s instead of {usual:.0f}",
             duration=2.0 * usual),
         one("faster", f"a sonication to {hottest:.0f} degC in {0.5 * usual:.0f} s instead of {usual:.0f}",
             duration=0.5 * usual),
-        one("longer-push", f"pushes of {2e3 * push:.2g} ms instead of {1e3 * push:.2g}", push_duration=2.0 * push),
-        one("shorter-push", f"pushes of {0.5e3 * push:.2g} ms instead of {1e3 * push:.2g}", push_duration=0.5 * push),
+        one("shorter-push", f"{pushes} {0.5e3 * push:.2g} ms instead of {1e3 * push:.2g}", push_duration=0.5 * push),
         one("mr-thermometry", "one more sonication with magnetic resonance thermometry instead of the thermocouple",
             immune=(THERMOCOUPLE,)),
         one("mr-displacement", "one more sonication with displacement by magnetic resonance instead of ultrasound",
             immune=(TRACKING,)),
     ]  # fmt: skip
-    if protocol.modulation is None:
+    if 2.0 * push <= _LONGEST_PUSH:
+        words = f"{pushes} {2e3 * push:.2g} ms instead of {1e3 * push:.2g}"
+        found.append(one("longer-push", words, push_duration=2.0 * push))
+    if 2.0 * push <= _LONGEST_PUSH and protocol.modulation is None:
         # Both with the impulse of the usual push.
         found += [
             one("modulated-push", f"pushes of {2e3 * push:.2g} ms whose force rises and falls as one period of a sine, "

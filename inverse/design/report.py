@@ -1,5 +1,6 @@
 """A design in words and as JSON."""
 
+import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -29,6 +30,7 @@ def as_json(design: Design) -> dict[str, Any]:
                 "words": one.proposal.words,
                 "readings": len(one.proposal),
                 "seconds": one.proposal.seconds,
+                "protocol": one.proposal.keys,
                 **_separation(one.separation),
             }
             for one in design.rated
@@ -153,6 +155,7 @@ def report(design: Design, name: str, figures: Sequence[str] = ()) -> str:
         "measurement, as that of drying does, counts over the longer one.",
         "",
     ]
+    lines += _keys(best.proposal.keys)
     lines += [f"![{figure}]({figure})" for figure in figures] + [""] + _information(design.information)
     lines += [line for note in design.notes for line in (note, "")]
     if design.checks:
@@ -161,6 +164,18 @@ def report(design: Design, name: str, figures: Sequence[str] = ()) -> str:
         lines += [f"| {one.hidden} | {one.verdict} | {', '.join(one.named) or '-'} |" for one in design.checks]
         lines += [""]
     return "\n".join(lines)
+
+
+def _keys(keys: dict[str, float | str]) -> list[str]:
+    """What an experiment file says of a proposal."""
+    if not keys:
+        return []
+    listed = ", ".join(f"`{key} = {json.dumps(value)}`" for key, value in keys.items())
+    return [
+        f"In the experiment file of the first: {listed}. A file has one protocol: sonications of another are diagnosed "
+        "and calibrated with a file of their own.",
+        "",
+    ]
 
 
 def _row(words: str, readings: str, found: Separation) -> str:

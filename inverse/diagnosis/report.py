@@ -116,12 +116,13 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
     if found.gain is not None and found.extended is not None:
         names = " and ".join(extension.cause.name for extension in found.extended.extensions)
         gain = found.gain
+        course = "rises" if gain.log_score_gain > 0.0 else "falls"
         lines += [
             "",
             f"With {names} in the model, differences from data that were left out ({gain.split}) go "
             f"from {100.0 * gain.rmse_before:.3g} to {100.0 * gain.rmse_after:.3g} % (root mean square); the log "
-            f"score rises by {gain.log_score_gain:.3g} ± {gain.standard_error:.2g} nat a datum. A gain proves no "
-            f"cause: wrong ones gain, too, in most cases. The name rests on the tests.",
+            f"score {course} by {abs(gain.log_score_gain):.3g} ± {gain.standard_error:.2g} nat a datum. A gain proves "
+            f"no cause: wrong ones gain, too, in most cases. The name rests on the tests.",
             f"{gain.unfinished} of the refits did not converge." if gain.unfinished else "",
             "",
             *_shift(found),
@@ -175,7 +176,9 @@ def _table(found: Diagnosis) -> list[str]:
 
 def _where(found: Diagnosis) -> list[str]:
     lines = ["## Where", "", "| free correction | share of the misfit that it absorbs | p |", "| --- | ---: | ---: |"]
-    lines += [f"| {one.words} | {100.0 * one.share:.0f} % | {one.p_family:.3g} |" for one in found.places[:_PLACES]]
+    # Of a coarse and a fine form of the same words the likelier.
+    places = list({one.words: one for one in reversed(found.places)}.values())[::-1]
+    lines += [f"| {one.words} | {100.0 * one.share:.0f} % | {one.p_family:.3g} |" for one in places[:_PLACES]]
     lines += ["", "| neighbours along | correlation of residuals | p |", "| --- | ---: | ---: |"]
     lines += [f"| {one.along} | {one.correlation:+.2f} | {one.p_value:.3g} |" for one in found.residuals_whiteness]
     return [*lines, ""] if found.places else []

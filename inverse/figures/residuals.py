@@ -6,12 +6,14 @@ import numpy as np
 from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from inverse.diagnosis import Diagnosis
 from inverse.diagnosis.dma_problem import DmaProblem
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 
 _MOST_LABELS = 10
+_COUNTED = "(in the file's order)"
 _LEAST_DOSE = 1e-6
 """Drawn in place of less [min]."""
 
@@ -63,15 +65,19 @@ def residuals_figure(found: Diagnosis) -> Figure:
                 _line(axis, seen, position, seen.relative(correction.correction, quantity))
             axis.axhline(0.0, color="0.6", lw=0.6, zorder=0)
             axis.set_xscale("log" if logarithmic else "linear")
+            if label.endswith(_COUNTED):
+                axis.xaxis.set_major_locator(MaxNLocator(integer=True))
             axis.tick_params(labelsize=7)
             if quantity == rows - 1:
                 axis.set_xlabel(label, fontsize=8)
         panels[quantity, 0].set_ylabel(words, fontsize=8)
+    told = []
+    if found.extended is not None:
+        told.append(f"rings: without, points: with {' and '.join(one.cause.name for one in found.extended.extensions)}")
     if correction is not None:
-        figure.suptitle(f"line: {correction.words}", fontsize=9)
-    elif found.extended is not None:
-        names = " and ".join(one.cause.name for one in found.extended.extensions)
-        figure.suptitle(f"rings: without, points: with {names}", fontsize=9)
+        told.append(f"line: {correction.words}")
+    if told:
+        figure.suptitle("; ".join(told), fontsize=9)
     if len(seen.labels) <= _MOST_LABELS:
         handles, labels = panels[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside right upper", fontsize=7, frameon=False)
@@ -100,7 +106,7 @@ def _of_hmi(problem: HmiDiagnosisProblem) -> _Seen:
     coordinates = {"temperature at the focus [degC]": (rows.temperature, False), "time [s]": (rows.time, False)}
     if rows.dose is not None:
         coordinates["thermal dose [min at 43 degC]"] = (np.maximum(rows.dose, _LEAST_DOSE), True)
-    coordinates["sonication (in the file's order)"] = (1.0 + rows.sonication, False)
+    coordinates[f"sonication {_COUNTED}"] = (1.0 + rows.sonication, False)
     quantities = (("measured over simulated [%]", 100.0),)
     return _Seen(coordinates, rows.sonication, rows.labels, quantities, problem.weights[:, None])
 
@@ -116,7 +122,7 @@ def _of_dma(problem: DmaProblem) -> _Seen:
     samples = list(dict.fromkeys(one.sample for one in problem.sweeps))
     if len(samples) > 1:
         of_sweep = np.array([1.0 + samples.index(one.sample) for one in problem.sweeps])
-        coordinates["sample (in the file's order)"] = (of_sweep[sweep], False)
+        coordinates[f"sample {_COUNTED}"] = (of_sweep[sweep], False)
     quantities = (("magnitude off by [%]", 100.0), ("phase off by [mrad]", 1e3))
     labels = tuple(one.label for one in problem.sweeps)
     return _Seen(coordinates, sweep, labels, quantities[: problem.weights.shape[1]], problem.weights)

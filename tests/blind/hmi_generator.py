@@ -237,7 +237,7 @@ class Simulator:
             settings.mesh, settings, lambda r, z: sonication_field(model, sonication, settings, here, dose, r=r, z=z)
         )
         solid = solid_of(model, settings, state, settings.mesh)
-        probe = ShortPush(self.protocol.push_duration)
+        probe = ShortPush(self.protocol.push_duration, self.protocol.modulation)
         moved = probe.displacement(model, solid, start, force, settings)
         return on_axis_at(moved, settings.mesh, settings.focus)
 

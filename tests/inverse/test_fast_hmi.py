@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax import Effort, InputError, discretise, read_experiment
+from arfjax import Effort, InputError, Square, discretise, read_experiment, stepwise_displacement
 from inverse.datasets.hmi import HmiData
 from inverse.datasets.shipped import shipped
 from inverse.fast_hmi import prepare_fast
@@ -77,6 +77,22 @@ def test_rows_are_near_those_of_the_full_model(fast, of_model, settings):
     # Shapes left out are what the indicator sees.
     estimates = [float(of_model(model)[2]) for model in models]
     assert all(1e-5 < estimate < 0.05 for estimate in estimates)
+
+
+@pytest.mark.slow
+def test_a_modulated_push_is_as_near_as_a_constant_one_of_its_length(fast, settings):
+    """Learnt from half the length: a tenth, where a course that is left out makes it half as large again."""
+    usual, at = DESCRIBED.stepwise(), jnp.asarray([40.0])
+    found = {}
+    for course in (None, Square()):
+        protocol = dataclasses.replace(usual, push_duration=2.0 * usual.push_duration, modulation=course)
+        heating = fast.curve.heating(MODEL, protocol)
+        ours = fast.curve.extrapolated(MODEL, at, protocol, heating=heating)
+        full = stepwise_displacement(MODEL, at, protocol, settings, heating=heating)
+        found[course] = float(ours[0]), float(full[0])
+    for ours, full in found.values():
+        np.testing.assert_allclose(ours, full, rtol=0.1)
+    assert found[None][1] > 1.5 * found[Square()][1]
 
 
 @pytest.mark.slow

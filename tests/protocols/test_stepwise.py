@@ -22,6 +22,8 @@ from arfjax import (
     suomi2016,
     tabulated_size,
 )
+from arfjax.protocols.shear_wave import WatchSettings
+from arfjax.protocols.shear_wave import _steps as steps_of_watch
 
 EXPERIMENT = Path(__file__).parents[2] / "examples" / "suomi2016.toml"
 
@@ -272,6 +274,12 @@ def test_a_modulated_push_is_the_difference_of_two_that_go_on(model, protocol, c
     on, found = eqx.filter_jit(histories)(model)
     quarter = (len(on) - 1) // 4
     np.testing.assert_allclose(found[-1], on[3 * quarter] - on[quarter], rtol=1e-9)
+
+
+def test_whoever_pushes_by_the_protocol_takes_its_course(protocol, coarse):
+    modulated = dataclasses.replace(protocol, modulation=Square())
+    assert modulated.push_steps(coarse).modulation == Square() and protocol.push_steps(coarse).modulation is None
+    assert steps_of_watch(modulated, WatchSettings(duration=2e-3)).modulation == Square()
 
 
 @pytest.mark.slow

@@ -46,7 +46,7 @@ class PushSettings(eqx.Module):
         push_duration: The force is on from 0 to here [s]: a whole number of steps, or at least the whole run (as if not
             given).
         modulation: Course of the force over the push, one period of it that begins where the force is weakest; constant
-            if not given. Each step has the mean of its time.
+            if not given. Each step has the mean of its time. Its numbers are floats.
         spectral_radius: Of the amplification at high frequencies, from 0 (strongest numerical damping) to 1 (none:
             energy is conserved).
         backend: Of the sparse solves, see `factorise`.
@@ -68,6 +68,11 @@ class PushSettings(eqx.Module):
             )
         if not 0.0 <= self.spectral_radius <= 1.0:
             raise ValueError(f"`spectral_radius` must lie in 0 to 1, got {self.spectral_radius}.")
+        if self.modulation is not None and self.n_steps < self.push_duration / self.time_step - 0.5 < math.inf:
+            raise ValueError(
+                f"a modulated push of {self.push_duration} s takes more than {self.n_steps} steps of "
+                f"{self.time_step} s: let the run last to its end."
+            )
         steps = min(self.push_duration / self.time_step, 1.0 * self.n_steps)
         if steps < self.n_steps and abs(steps - round(steps)) > 1e-6 * steps:
             raise ValueError(
@@ -204,6 +209,8 @@ def _never_makes_energy(moduli: Float[Array, "branch rq zq"], times: Float[Array
 def _ends_of_steps(amplitude: Amplitude | None, settings: PushSettings) -> Float[Array, "step 2"]:
     """Amplitude at the start and at the end of each step."""
     n_steps = settings.n_steps
+    if amplitude is not None and settings.modulation is not None:
+        raise InputError("the force has a course by `amplitude` and another by `settings.modulation`: give one.")
     if amplitude is None:
         return jnp.stack([settings.course, settings.course], axis=1)
     values = amplitude(jnp.asarray(settings.times, dtype=float)) if callable(amplitude) else jnp.asarray(amplitude)

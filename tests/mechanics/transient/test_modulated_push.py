@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 
+from arfjax.errors import InputError
 from arfjax.mechanics.elements.mesh import Walls
 from arfjax.mechanics.modulation import SineIntensity, SinePressure, Square
 from arfjax.mechanics.transient.push import PushSettings, solve_push
@@ -69,7 +70,9 @@ def test_a_free_body_obeys_newtons_law_to_second_order(course):
 
     def exact(at):
         breaks = [0.25 * PUSH, 0.75 * PUSH]
-        force = scipy.integrate.quad(lambda t: (at - t) * float(share_at(course, t)), 0.0, min(at, PUSH), points=breaks)
+        force = scipy.integrate.quad(
+            lambda t: (at - t) * float(share_at(course, t)), 0.0, min(at, PUSH), points=breaks, epsabs=0.0
+        )
         return 30.0 * force[0]
 
     for n_steps in (9, 27, 81):
@@ -83,6 +86,16 @@ def test_a_free_body_obeys_newtons_law_to_second_order(course):
     assert_order([9.0, 3.0, 1.0], errors, order=2.0)
 
 
+def test_what_would_have_two_courses_or_half_of_one_is_refused():
+    with pytest.raises(ValueError, match="modulated push of 0.0006 s takes more than 4 steps"):
+        PushSettings(1e-4, 4, PUSH, modulation=Square())
+    mesh = small_mesh()
+    with pytest.raises(InputError, match="give one"):
+        solve_push(mesh, uneven_material(mesh), small_force(mesh), amplitude=np.ones(13),
+                   settings=PushSettings(PUSH / STEPS, STEPS, modulation=Square()))  # fmt: skip
+
+
+@pytest.mark.slow
 def test_gradient_of_a_modulated_push():
     mesh = small_mesh()
     settings = PushSettings(PUSH / STEPS, STEPS, modulation=SineIntensity())

@@ -34,7 +34,11 @@ class FractionalTissue(HmiCause):
     def tissue(
         self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength
     ) -> TissueChange:
-        """Moduli at the end of the push, by the first term of a power law of order one half."""
+        """Moduli at the end of the push, by the first term of a power law of order one half.
+
+        A modulated push counts as long as it is: its force acts half as long before the reading on average, as that of
+        a constant one does.
+        """
         del shape
 
         def lost(law: ViscoelasticLaw) -> States:

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from arfjax import SineIntensity, StepwiseProtocol
+from arfjax import PushSettings, SineIntensity, StepwiseProtocol
 from inverse.commands.main import run
 from inverse.design import design_hmi
 from inverse.design.hmi_proposals import THERMOCOUPLE, TRACKING, hmi_proposals
@@ -32,6 +32,10 @@ def test_proposals_are_what_they_say():
     for name in ("modulated-push", "later-reading"):
         course, given = found[name].protocol.modulation, found[name].protocol.push_duration
         np.testing.assert_allclose(given * float(course.coefficients(0)[0].real), usual.push_duration, rtol=1e-12)
+        assert found[name].keys["push_ms"] == 1.0 and found[name].keys["push_modulation"] in ("intensity", "square")
+    off = np.asarray(PushSettings(1e-5, 100, modulation=found["later-reading"].protocol.modulation).course)
+    np.testing.assert_allclose(off[[0, 24, 75, 99]], 0.0, atol=1e-12)
+    np.testing.assert_allclose(off[[25, 74]], 1.0, rtol=1e-12)
     assert "0.25 ms after" in found["later-reading"].words
     assert found["hotter"].temperature[-1] == 83.0 and found["not-coagulating"].temperature[-1] == 50.0
     assert found["around-coagulation"].temperature[1] == 48.0 and found["around-coagulation"].temperature[-1] == 60.0
@@ -47,6 +51,9 @@ def test_nothing_is_proposed_that_the_protocol_does_not_allow():
     modulated = StepwiseProtocol(start_temperature=35.0, modulation=SineIntensity())
     names = {one.name for one in hmi_proposals(modulated, reference=37.0, hottest=70.0, readings=6)}
     assert "modulated-push" not in names and "longer-push" in names
+    longest = StepwiseProtocol(start_temperature=35.0, push_duration=15e-3)
+    names = {one.name for one in hmi_proposals(longest, reference=37.0, hottest=70.0, readings=6)}
+    assert not names & {"modulated-push", "longer-push", "later-reading"} and "shorter-push" in names
 
 
 def test_places_of_immune_causes_exist():
@@ -87,7 +94,8 @@ def test_more_data_never_separate_worse_and_another_thermometer_tells_its_faults
     assert rated["mr-thermometry"].d_prime[lag] > rated["again"].d_prime[lag]
     assert len(told.rated) + len(told.notes) == 12
     content = as_json(told)
-    assert content["proposals"][0]["words"] in report(told, "drifting.csv")
+    written = report(told, "drifting.csv")
+    assert content["proposals"][0]["words"] in written and "`push_ms = " in written
     json.dumps(content, allow_nan=False)
 
 
