@@ -10,13 +10,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import blackjax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from blackjax.adaptation.base import get_filter_adapt_info_fn
-from blackjax.mcmc.hmc import HMCState
 from jaxtyping import Array, Float, Int, Key, PRNGKeyArray
 
 from arfjax.errors import InputError
@@ -31,9 +28,9 @@ _STATISTICS = ("diverging", "acceptance_rate", "n_steps", "tree_depth", "energy"
 
 
 class _Chains(eqx.Module):
-    """Where all chains stand, and how they move."""
+    """Where all chains stand, and how they move; states are blackjax's `HMCState`."""
 
-    states: HMCState
+    states: Any
     step_size: Float[Array, "*chain"]
     inverse_mass: Float[Array, "*chain n n"]
 
@@ -133,6 +130,10 @@ def _warm_up(
     target_acceptance: float,
     most_doublings: int,
 ) -> _Chains:
+    # Here, as in other functions: its import starts JAX, before a program has set what only counts until then.
+    import blackjax
+    from blackjax.adaptation.base import get_filter_adapt_info_fn
+
     adaptation: Any = blackjax.window_adaptation(
         blackjax.nuts,
         _density(problem, centre, factor),
@@ -162,10 +163,12 @@ def _advance(
     most_doublings: int,
 ) -> tuple[_Chains, tuple[Array, ...]]:
     """So many draws of each chain, of which the first has the number `first`: its random numbers follow from that."""
+    import blackjax
+
     kernel: Any = blackjax.nuts.build_kernel()
     density = _density(problem, centre, factor)
 
-    def one(chain: _Chains, key: PRNGKeyArray) -> tuple[HMCState, tuple[Array, ...]]:
+    def one(chain: _Chains, key: PRNGKeyArray) -> tuple[Any, tuple[Array, ...]]:
         def step(state: Any, number: Int[Array, ""]) -> tuple[Any, tuple[Any, ...]]:
             state, info = kernel(
                 jax.random.fold_in(key, number), state, density, chain.step_size, chain.inverse_mass, most_doublings
@@ -212,6 +215,8 @@ def _read(
         raise InputError(f"{file}: holds no run of NUTS of ours; name another file, or delete it.")
     refuse_other_problem(attributes, problem, str(file))
     refuse_other_settings(attributes, settings, str(file))
+    from blackjax.mcmc.hmc import HMCState
+
     state_of: Any = HMCState
     state = state_of(*(jnp.asarray(arrays[f"state_{name}"]) for name in ("position", "log_density", "gradient")))
     chains = _Chains(state, jnp.asarray(arrays["step_size"]), jnp.asarray(arrays["inverse_mass"]))

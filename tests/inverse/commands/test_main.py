@@ -1,6 +1,9 @@
 """What the program sets before it begins."""
 
 import os
+import subprocess
+import sys
+from pathlib import Path
 
 import jax
 import pytest
@@ -21,3 +24,11 @@ def test_on_one_core_programs_run_in_the_thread_that_asks(cores, monkeypatch):
 
 def test_cores_are_those_that_the_process_may_use():
     assert 1 <= main._cores() <= (os.cpu_count() or 1)
+
+
+def test_imports_do_not_start_jax():
+    """What a program sets for the start of JAX would come too late."""
+    code = "import inverse.commands.app; from jax._src import xla_bridge; print(len(xla_bridge._backends))"
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)
+    assert done.stdout.strip() == "0", done.stderr
