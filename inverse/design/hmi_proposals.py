@@ -1,6 +1,7 @@
 """Sonications that one could make next, beside those whose displacement has been measured."""
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
@@ -76,32 +77,19 @@ def hmi_proposals(
         return HmiProposal(name, words, dataclasses.replace(protocol, final_temperature=final, **changed),
                            np.linspace(reference, final, readings), immune)  # fmt: skip
 
-    usual, push = protocol.duration, protocol.push_duration
-    pushes = "pushes of" if protocol.modulation is None else "pushes whose course takes"
+    usual = protocol.duration
     found = [
         one("again", f"one more sonication to {hottest:.0f} degC"),
         one("slower", f"a sonication to {hottest:.0f} degC in {2.0 * usual:.0f} s instead of {usual:.0f}",
             duration=2.0 * usual),
         one("faster", f"a sonication to {hottest:.0f} degC in {0.5 * usual:.0f} s instead of {usual:.0f}",
             duration=0.5 * usual),
-        one("shorter-push", f"{pushes} {0.5e3 * push:.2g} ms instead of {1e3 * push:.2g}", push_duration=0.5 * push),
+        *_other_pushes(one, protocol),
         one("mr-thermometry", "one more sonication with magnetic resonance thermometry instead of the thermocouple",
             immune=(THERMOCOUPLE,)),
         one("mr-displacement", "one more sonication with displacement by magnetic resonance instead of ultrasound",
             immune=(TRACKING,)),
     ]  # fmt: skip
-    if 2.0 * push <= _LONGEST_PUSH:
-        words = f"{pushes} {2e3 * push:.2g} ms instead of {1e3 * push:.2g}"
-        found.append(one("longer-push", words, push_duration=2.0 * push))
-    if 2.0 * push <= _LONGEST_PUSH and protocol.modulation is None:
-        # Both with the impulse of the usual push.
-        found += [
-            one("modulated-push", f"pushes of {2e3 * push:.2g} ms whose force rises and falls as one period of a sine, "
-                f"instead of {1e3 * push:.2g} ms of constant force",
-                push_duration=2.0 * push, modulation=SineIntensity()),
-            one("later-reading", f"displacement read {0.5e3 * push:.2g} ms after the end of the push instead of at it",
-                push_duration=2.0 * push, modulation=Square()),
-        ]  # fmt: skip
     if hottest + _HOTTER <= _HOTTEST:
         found.append(one("hotter", f"a sonication to {hottest + _HOTTER:.0f} degC", hottest + _HOTTER))
     if reference + _LEAST_RISE < _BELOW_COAGULATION < hottest - _LEAST_RISE:
@@ -113,3 +101,20 @@ def hmi_proposals(
         dense = np.append(reference, np.linspace(low, high, readings - 1))
         found.append(dataclasses.replace(one("around-coagulation", words, high), temperature=dense))
     return tuple(found)
+
+
+def _other_pushes(one: Callable[..., HmiProposal], protocol: StepwiseProtocol) -> list[HmiProposal]:
+    """With pushes of another length, and of another course if that is constant: those have the usual one's impulse."""
+    constant, push = protocol.modulation is None, protocol.push_duration
+    pushes, usual = "pushes of" if constant else "pushes whose course takes", f"{1e3 * push:.2g}"
+    found = [one("shorter-push", f"{pushes} {0.5e3 * push:.2g} ms instead of {usual}", push_duration=0.5 * push)]
+    if 2.0 * push > _LONGEST_PUSH:
+        return found
+    twice = f"{pushes} {2e3 * push:.2g} ms"
+    found.append(one("longer-push", f"{twice} instead of {usual}", push_duration=2.0 * push))
+    if constant:
+        words = f"{twice} whose force rises and falls as one period of a sine, instead of {usual} ms of constant force"
+        found.append(one("modulated-push", words, push_duration=2.0 * push, modulation=SineIntensity()))
+        words = f"displacement read {0.5e3 * push:.2g} ms after the end of the push instead of at it"
+        found.append(one("later-reading", words, push_duration=2.0 * push, modulation=Square()))
+    return found
