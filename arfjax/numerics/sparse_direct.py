@@ -13,6 +13,10 @@ Derivatives come from the implicit function theorem, forward and reverse, in the
 
 Life of the factors: the host keeps those used last, up to a number of bytes (`limit_factor_memory`); a factor asked
 for again with the same values is not computed again. A solve whose factors have been dropped meanwhile raises an error.
+
+On one core a solve in a program that runs in the background can wait for ever, as it holds the only thread that could
+bring its numbers. `jax.config.update("jax_cpu_enable_async_dispatch", False)` before JAX starts prevents that; the
+commands do so.
 """
 
 import functools
