@@ -51,11 +51,11 @@ class HmiProposal:
     @property
     def keys(self) -> dict[str, float | str]:
         """What `[protocol]` says of it in an experiment file."""
-        modulations = [name for name, each in PUSH_MODULATIONS.items() if each == self.protocol.modulation]
+        (modulation,) = (name for name, each in PUSH_MODULATIONS.items() if each == self.protocol.modulation)
         return {
             "sonication_s": self.protocol.duration,
             "push_ms": 1e3 * self.protocol.push_duration,
-            "push_modulation": [*modulations, "another"][0],
+            "push_modulation": modulation,
         }
 
 
