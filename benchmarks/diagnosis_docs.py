@@ -209,13 +209,6 @@ def _without_data(summary: dict[str, Any]) -> list[str]:
             "given other names.",
             "",
         ]
-    if after := summary["decided afterwards"]:
-        counts = "; ".join(
-            f"d' = {d}: detected {one['detected']}, right cause first {one['first']}, in the reported set "
-            f"{one['in the set']} of {one['sets']}"
-            for d, one in after.items()
-        )
-        lines += [f"What is left out was decided after a look at these sets. With all of them, {counts}.", ""]
     return lines
 
 

@@ -61,7 +61,6 @@ def summarise(
         "removed limit": removed or {},
         "data sets": len(lines),
         "no such data": len(every) - len(lines),
-        "decided afterwards": _decided_afterwards([line for line in every if line["part"] == "known"]),
         "not testable": _unseen([line for line in hidden if not _is_testable(line)]) | {"of": len(hidden)},
         "seconds a set": float(np.median([line["seconds"] for line in lines])) if lines else float("nan"),
     }
@@ -103,23 +102,6 @@ def _mean_limit(lines: Sequence[Line], limit: dict[str, dict[str, float]]) -> di
     names = [line["name"] for line in lines]
     keys = next(iter(limit.values()), {})
     return {key: float(np.mean([limit[name][key] for name in names])) for key in keys}
-
-
-def _decided_afterwards(lines: Sequence[Line]) -> dict[str, dict[str, int]]:
-    """Rates with all that was diagnosed in them, by d', of a record some of whose lines were left out after a look."""
-    if not any("said" in line for line in lines):
-        return {}
-    all_known = [line | {"verdict": line.get("said", line["verdict"])} for line in lines]
-    found = {}
-    for d, of_d in _grouped(all_known, lambda line: f"{line['d_prime']:g}").items():
-        counted = [line for line in of_d if line["verdict"] != NO_DATA]
-        found[d] = {
-            "sets": len(counted),
-            "detected": sum(line["verdict"] in DETECTED for line in counted),
-            "first": sum(line["first"] == line["name"] for line in counted),
-            "in the set": sum(line["name"] in line["named"] + line["confusable"] for line in counted),
-        }
-    return found
 
 
 def _unseen(lines: Sequence[Line]) -> dict[str, Any]:

@@ -243,12 +243,7 @@ def test_what_a_diagnosis_lists_as_not_testable_is_counted_beside_its_rates(tmp_
     page = (tmp_path / HMI_STUDY.page).read_text()
     assert "1 more count in no rate" in page
     assert "In 2 of 4 data sets with a known cause (tracking-jitter) the diagnosis lists" in page
-    assert "2 of them were given other names" in page and "decided after a look" not in page
-    # What was diagnosed and left out later is told.
-    summary = summarise([*lines[:-1], lines[-1] | {"d_prime": 4.5, "said": "named", "first": "slip"}], limit)
-    assert summary["decided afterwards"]["4.5"] == {"sets": 3, "detected": 3, "first": 1, "in the set": 1}
-    write_docs({"seeds": "test", **summary}, tmp_path, HMI_STUDY)
-    assert "right cause first 1, in the reported set 1 of 3" in (tmp_path / HMI_STUDY.page).read_text()
+    assert "2 of them were given other names" in page
 
 
 @pytest.mark.slow
