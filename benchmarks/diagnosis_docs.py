@@ -205,8 +205,7 @@ def _without_data(summary: dict[str, Any]) -> list[str]:
         lines += [
             f"In {unseen['sets']} of {unseen['of']} data sets with a known cause ({', '.join(unseen['names'])}) the "
             "diagnosis lists the hidden cause as one that these data cannot show. For it that is an effect in no list: "
-            f"these sets are in none of the rates of known causes, and {unseen['given other names']} of them were "
-            "given other names.",
+            f"these sets are in none of the rates of known causes; given other names: {unseen['given other names']}.",
             "",
         ]
     return lines
@@ -322,7 +321,7 @@ def _known(summary: dict[str, Any]) -> list[str]:
                 _words(one["unexplained, if detected"]),
                 _words(one["wrongly named, if detected"]),
                 _words(one["covered"]),
-                f"{one['causes in the set']:.1f}",
+                f"{one['causes in the set']:.1f}" if one["possible, if detected"]["sets"] else "–",
                 f"{one['detected']['sets']}",
             ]
             lines.append(f"| {name} | {' | '.join(cells)} |")
