@@ -90,11 +90,14 @@ def reduced_at(solid, around, inside, work):
     return reduced_push(solid, around, inside, work, STEPS)
 
 
-@pytest.mark.parametrize("steps", [STEPS, PushSettings(5e-5, 10, 4e-4, modulation=SineIntensity())])
-def test_a_motion_that_was_seen_is_given_back(steps, monkeypatch):
+@pytest.mark.parametrize(
+    ("steps", "n_modes"), [(STEPS, 10), (PushSettings(5e-5, 10, 4e-4, modulation=SineIntensity()), 9)]
+)
+def test_a_motion_that_was_seen_is_given_back(steps, n_modes, monkeypatch):
+    """By as many shapes as its moments span to rounding: the tenth of the modulated push has 1e-16 of the energy."""
     inclusion = material(elements_within())
     monkeypatch.setattr(f"{__name__}.snapshots", lambda solid: push_snapshots(MESH, solid, force(), steps, MOMENTS))
-    solid, work = reduced(inclusion, n_modes=10, tolerance=1e-9)
+    solid, work = reduced(inclusion, n_modes=n_modes, tolerance=1e-9)
     value = reduced_push(solid, material(jnp.zeros((1, 1))), inside_of(solid, inclusion), work, steps)
     expected = solve_push(MESH, inclusion, force(), settings=steps).at_focus(FOCUS)[-1]
     np.testing.assert_allclose(value, expected, rtol=1e-6)
