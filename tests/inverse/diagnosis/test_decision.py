@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from inverse.diagnosis.decision import Refitted, decide
+from inverse.diagnosis.decision import Refitted, decide, evidence
 from inverse.diagnosis.noise import noise_family, series
-from inverse.diagnosis.screening import Alternative
+from inverse.diagnosis.screening import Alternative, Screen
 
 N = 80
 POSITION = np.linspace(0.0, 1.0, N)
@@ -56,3 +56,22 @@ def test_a_refit_that_did_not_converge_explains_nothing(failing):
         assert "wave" in found.possible and found.candidates["wave"] > 0.06
     else:
         assert found.verdict == "named" and found.named == ("wave",)
+
+
+@pytest.mark.parametrize("causes", [CAUSES, []])
+def test_replicates_have_the_noise_that_goes_with_the_likeliest_cause(causes):
+    """A smooth effect looks like correlated noise to who leaves it out, and correlated noise hides smooth effects."""
+    family = noise_family((series("time", [0] * N, POSITION),), POSITION)
+    smooth = Alternative("smooth", np.cos(np.pi * np.arange(8) * POSITION[:, None]))
+    drawn = []
+
+    class Spied(Screen):
+        def replicate(self, residuals, noise, count, rng):
+            drawn.append(self.family[noise])
+            return super().replicate(residuals, noise, count, rng)
+
+    screen = Spied(FITTED, [*causes, smooth], family)
+    free = np.array([one is smooth for one in screen.alternatives])
+    found = evidence(screen, WAVE, np.random.default_rng(1), free, 1.0, 20)
+    assert family[found.null_noise].correlation > 0.0
+    assert drawn and all((one.correlation == 0.0) is bool(causes) for one in drawn)
