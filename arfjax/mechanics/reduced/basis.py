@@ -88,6 +88,9 @@ def principal_shapes(
         inertia: Of that norm: density over the square of a time [kg/(m^3 s^2)].
         n_modes: How many are wanted.
         focus: Axial position on the axis where the displacement is wanted [m].
+
+    Raises:
+        InputError: if the displacements span fewer shapes than are wanted, to the rounding of their energies.
     """
     motion, shape, dilatation = (np.asarray(part) for part in _strains(mesh, snapshots))
     weights = (np.sqrt(inertia), np.sqrt(2.0 * shear_modulus), np.sqrt(bulk_modulus))
@@ -96,6 +99,13 @@ def principal_shapes(
         for weight, part in zip(weights, (motion, shape, dilatation), strict=True)
     )
     energy, vectors = np.linalg.eigh(gram)
+    # Energies are of squares: what is of rounding in them is half of the digits of a displacement.
+    spanned = int(np.sum(energy > len(energy) * np.finfo(energy.dtype).eps * energy[-1]))
+    if n_modes > spanned:
+        raise InputError(
+            f"{n_modes} shapes of motion were asked for, but the {len(snapshots)} displacements span {spanned}: ask "
+            "for fewer, or push at more places or in more materials."
+        )
     mixing = vectors[:, ::-1][:, :n_modes] / np.sqrt(energy[::-1][:n_modes])
     nodal, motion, shape, dilatation = (
         np.einsum("sm,s...->m...", mixing, part) for part in (snapshots, motion, shape, dilatation)

@@ -8,6 +8,7 @@ import pytest
 from arfjax import InputError, Mesh, PushSettings, SineIntensity, Zener, solve_push
 from arfjax.mechanics.material.inclusion import material_of, mixed
 from arfjax.mechanics.material.viscoelastic import YoungModulus
+from arfjax.errors import InputError
 from arfjax.mechanics.reduced.basis import Sample, principal_shapes, push_snapshots, reduced_force, with_points
 from arfjax.mechanics.reduced.solid import _march, reduced_push
 from tests.checks import assert_gradient
@@ -101,6 +102,20 @@ def test_a_motion_that_was_seen_is_given_back(steps, n_modes, monkeypatch):
     value = reduced_push(solid, material(jnp.zeros((1, 1))), inside_of(solid, inclusion), work, steps)
     expected = solve_push(MESH, inclusion, force(), settings=steps).at_focus(FOCUS)[-1]
     np.testing.assert_allclose(value, expected, rtol=1e-6)
+
+
+def test_more_shapes_than_motions_span_are_refused():
+    motions = np.asarray(snapshots(material(jnp.zeros(SHAPE))))
+    with pytest.raises(InputError, match="3 shapes .* the 4 displacements span 2: .*fewer"):
+        principal_shapes(
+            MESH,
+            np.concatenate([motions[:2], motions[:2]]),
+            shear_modulus=700.0,
+            bulk_modulus=3e5,
+            inertia=1060.0 / 1e-4**2,
+            n_modes=3,
+            focus=FOCUS,
+        )
 
 
 def test_without_an_inclusion_points_do_nothing():
