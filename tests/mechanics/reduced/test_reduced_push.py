@@ -8,7 +8,6 @@ import pytest
 from arfjax import InputError, Mesh, PushSettings, SineIntensity, Zener, solve_push
 from arfjax.mechanics.material.inclusion import material_of, mixed
 from arfjax.mechanics.material.viscoelastic import YoungModulus
-from arfjax.errors import InputError
 from arfjax.mechanics.reduced.basis import Sample, principal_shapes, push_snapshots, reduced_force, with_points
 from arfjax.mechanics.reduced.solid import _march, reduced_push
 from tests.checks import assert_gradient
