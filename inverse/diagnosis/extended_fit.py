@@ -165,8 +165,7 @@ class Refit:
         if constants is None:
             constants = np.asarray(_unconstrained(self.white.parameters, jnp.asarray(self.problem.moved)))
         free = constants.ravel()
-        strengths = start / self._scales
-        causes = self.white.causes
+        strengths, causes = start / self._scales, self.white.causes
         first = np.concatenate(
             [np.zeros(len(causes)), [cause.shapes[0] for cause in causes], np.clip(free, -_FARTHEST, _FARTHEST)]
         )
@@ -292,8 +291,7 @@ class Refit:
 _MOST_EVALUATIONS = 1000
 """Of a refit: constants that the data hardly tell apart are found along a valley, in many small steps."""
 _STARTS = 5
-"""Shapes, about, that a refit tries beside the one that it is given: a minimum of the sum of squares is wider than the
-steps in which shapes are screened."""
+"""Shapes, about, that a refit tries beside its own: minima of the sum of squares are wider than steps of screening."""
 _ROUGH = 1e-6
 """Relative change of the sum of squares at which one of several starts is left, to go on from the best."""
 _SMALL = 1e-3
