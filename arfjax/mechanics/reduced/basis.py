@@ -99,7 +99,7 @@ def principal_shapes(
         for weight, part in zip(weights, (motion, shape, dilatation), strict=True)
     )
     energy, vectors = np.linalg.eigh(gram)
-    # Energies are of squares: what is of rounding in them is half of the digits of a displacement.
+    # An energy is a square: its rounding is already half of the digits of a displacement.
     spanned = int(np.sum(energy > len(energy) * np.finfo(energy.dtype).eps * energy[-1]))
     if n_modes > spanned:
         raise InputError(
