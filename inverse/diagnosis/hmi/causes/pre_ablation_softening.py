@@ -24,7 +24,7 @@ class PreAblationSoftening(HmiCause):
     )
     helps = "DMA between 37 and 55 degC, or an attenuation that is measured and not fitted."
     source = "Sapin-de Brosses et al. (2010): softening up to about 45 degC, from memory; scale assumed"
-    shapes: ClassVar[tuple[float, ...]] = (44.0, 47.0, 50.0, 53.0)
+    shapes: ClassVar[tuple[float, ...]] = (44.0, 45.0, 46.0, 47.5, 49.0, 50.5, 52.0, 53.0)
     shape_means: ClassVar[str] = "temperature at which it is softest [degC]"
 
     def tissue(
