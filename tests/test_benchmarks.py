@@ -75,6 +75,7 @@ def test_benchmark_of_the_fast_model_runs(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 def test_benchmark_of_the_diagnosis_goes_on_where_it_stopped(tmp_path, monkeypatch):
     out = tmp_path / "diagnosis.jsonl"
     given = ["diagnosis", "--out", str(out), "--docs", str(tmp_path / "docs"), "--only", "null", "--development"]
