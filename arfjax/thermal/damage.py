@@ -175,7 +175,10 @@ def accumulated_damage(
     increments = jax.vmap(lambda before, after, duration: damage_increment(law, before, after, duration))(
         temperature[:-1], temperature[1:], jnp.diff(jnp.asarray(time))
     )
-    return jnp.concatenate([jnp.zeros_like(increments, shape=(1, *increments.shape[1:])), jnp.cumsum(increments, 0)])
+    nothing = jnp.zeros_like(increments, shape=increments.shape[1:])
+    # Half the time of `cumsum` on a processor, which computes every increment several times over.
+    _, damage = jax.lax.scan(lambda total, more: (total + more, total + more), nothing, increments)
+    return jnp.concatenate([nothing[None], damage])
 
 
 @jax.custom_jvp

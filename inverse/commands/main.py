@@ -22,8 +22,10 @@ def run(arguments: list[str]) -> int:
     import jax
     import typer
 
+    from inverse.cores import usable_cores
+
     jax.config.update("jax_enable_x64", True)
-    if _cores() == 1:
+    if usable_cores() == 1:
         # A sparse solve calls back into Python, where its numbers may have to wait for a thread of XLA's. On one core
         # there is one, which the solve itself holds, unless programs run in the thread that asked for them.
         jax.config.update("jax_cpu_enable_async_dispatch", False)
@@ -51,11 +53,6 @@ def run(arguments: list[str]) -> int:
     if status == _STOPPED:
         sys.stderr.write("arfjax: stopped; nothing was written.\n")
     return status if isinstance(status, int) else 0
-
-
-def _cores() -> int:
-    """That this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _complain(message: str) -> int:

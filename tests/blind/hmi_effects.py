@@ -169,7 +169,7 @@ TISSUE: dict[str, Callable[[Scene, float], None]] = {
     "conductivity-change": _model(lambda m: m.liver.conductivity, _conducting),
     "damage-law": _times("threshold", lambda c, s: np.full(len(c.time), np.exp(s))),
     "output-drift": _times("force", lambda c, s: 1.0 + s * c.passed),
-    "cavitation": _times("force", lambda c, s: 1.0 + s / (1.0 + np.exp(-(c.temperature - 68.25) / 2.0))),
+    "cavitation": _times("force", lambda c, s: 1.0 + s / (1.0 + np.exp(-(c.temperature - 67.8) / 2.0))),
     "lesion-stiffness-law": _times("lesion", lambda c, s: np.exp(s * 0.5 * ((c.temperature - 70.0) / 10.0) ** 2)),
     "pre-ablation-softening": _times(
         "liver", lambda c, s: 1.0 - s * np.exp(-0.5 * ((c.temperature - 48.25) / 4.0) ** 2)

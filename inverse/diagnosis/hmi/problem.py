@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
+from inverse.cores import side_by_side
 from inverse.diagnosis.examination import DETECTABLE
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.correction import Correction
@@ -16,6 +17,8 @@ from inverse.diagnosis.screening import Alternative
 
 _FARTHEST = 4.0
 """Plausible strengths beyond which no effect is followed."""
+_SMALL = 1e-4
+"""Plausible strengths that show how far an effect has to be followed."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,26 +91,34 @@ class HmiDiagnosisProblem:
                 `HmiFit`.
             size: Of the noise, in units of the weights.
         """
-        program, found = self.program, []
+        program = self.program
         believed = np.zeros((len(fitted) - len(self.rows), 1))
         basis = np.linalg.qr(fitted / np.maximum(np.linalg.norm(fitted, axis=0), 1e-300))[0]
         plain = program.predict(unknowns)
-        for number in range(max((len(cause.shapes) for cause in program.causes), default=0)):
-            at, here = unknowns.copy(), [(i, c) for i, c in enumerate(program.causes) if number < len(c.shapes)]
-            for place, cause in here:
-                at[len(program.causes) + place] = cause.shapes[number]
-            slopes = self.weights[:, None] * program.slopes(at, [place for place, _ in here])
-            slopes = np.append(slopes, np.repeat(believed, len(here), axis=1), axis=0)
-            lengths = np.linalg.norm(slopes - basis @ (basis.T @ slopes), axis=0)
-            for (place, cause), length in zip(here, lengths, strict=True):
-                shape = cause.shapes[number] if len(cause.shapes) > 1 else None
-                reach = min(DETECTABLE * size / max(float(length), 1e-300), farthest(cause))
-                for sign in (1, -1)[: 1 if cause.sign > 0 else 2]:
-                    # In the strength's own unit: the program counts in plausible strengths.
-                    column = self.weights * program.secant(at, place, sign * reach, plain) / cause.plausible
-                    directions = np.append(column[:, None], believed, axis=0)
-                    found.append(Effect(cause.name, directions, sign, shape, sign * reach * cause.plausible))
-        return found
+
+        def of_shape(which: tuple[int, float]) -> list[Effect]:
+            place, shape = which
+            cause, at = program.causes[place], unknowns.copy()
+            at[len(program.causes) + place] = shape
+
+            def taken_at(strength: float) -> Float[np.ndarray, "datum 1"]:
+                change = self.weights * program.secant(at, place, strength, plain)
+                return np.append(change[:, None], believed, axis=0)
+
+            small = taken_at(_SMALL)
+            length = float(np.linalg.norm(small - basis @ (basis.T @ small)))
+            reach = min(DETECTABLE * size / max(length, 1e-300), farthest(cause))
+            return [
+                # In the strength's own unit: the program counts in plausible strengths.
+                Effect(
+                    cause.name, taken_at(sign * reach) / cause.plausible, sign,
+                    shape if len(cause.shapes) > 1 else None, sign * reach * cause.plausible,
+                )
+                for sign in (1, -1)[: 1 if cause.sign > 0 else 2]
+            ]  # fmt: skip
+
+        shapes = [(place, shape) for place, cause in enumerate(program.causes) for shape in cause.shapes]
+        return [effect for effects in side_by_side(of_shape, shapes) for effect in effects]
 
     def corrected_at(
         self, unknowns: Float[np.ndarray, " unknown"], moved: Int[np.ndarray, " moved"]

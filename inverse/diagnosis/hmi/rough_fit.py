@@ -25,6 +25,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import optimize
 
+from inverse.cores import side_by_side
 from inverse.diagnosis.examination import detectable_strength
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.fitting import Fitting, HmiFit
@@ -79,8 +80,7 @@ def rough_fits(begun: HmiFit, noise: Noise, effects: Sequence[Effect], *, size: 
         size: Of the noise, in units of the weights: what the priors count against.
         spread: Of the residuals: what a strength has to stand out from to be detected.
     """
-    fit = _RoughFitting(begun, noise, size, spread)
-    return [fit(effect) for effect in effects]
+    return side_by_side(_RoughFitting(begun, noise, size, spread), effects)
 
 
 def best_of_each(fits: Sequence[RoughFit]) -> dict[str, RoughFit]:
@@ -144,7 +144,7 @@ class _RoughFitting:
         self._begun, self._size, self._spread = begun, size, spread
         self._problem, self._program = problem, problem.program
         self._fitting = Fitting(problem, (), noise, size)
-        slopes = problem.slopes(begun.unknowns, self._program.constants.tolist())
+        slopes = begun.directions[: len(problem.rows), : len(self._program.constants)]
         self._slopes = self._fitting.stacked_slopes(slopes, begun.unknowns)
         self._first = self._fitting.stacked(begun.unknowns)
 

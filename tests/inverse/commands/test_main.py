@@ -15,15 +15,11 @@ from inverse.commands import main
 def test_on_one_core_programs_run_in_the_thread_that_asks(cores, monkeypatch):
     """Otherwise `arfjax reproduce` waits for ever: its sparse solves hold the only thread that could serve them."""
     asked, update = {}, jax.config.update
-    monkeypatch.setattr(main, "_cores", lambda: cores)
+    monkeypatch.setattr("inverse.cores.usable_cores", lambda: cores)
     monkeypatch.setattr(jax.config, "update", lambda name, value: asked.update({name: value}))
     assert main.run(["--help"]) == 0
     monkeypatch.setattr(jax.config, "update", update)
     assert asked.pop("jax_enable_x64") and asked == ({"jax_cpu_enable_async_dispatch": False} if cores == 1 else {})
-
-
-def test_cores_are_those_that_the_process_may_use():
-    assert 1 <= main._cores() <= (os.cpu_count() or 1)
 
 
 def test_imports_do_not_start_jax():

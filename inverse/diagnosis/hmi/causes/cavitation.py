@@ -23,7 +23,7 @@ class Cavitation(HmiCause):
     )
     helps = "A passive cavitation detector: broadband noise or subharmonics."
     source = "Coussios & Roy (2008), from memory; onset by a logistic 2 K wide, scale assumed"
-    shapes: ClassVar[tuple[float, ...]] = tuple(60.0 + 1.5 * step for step in range(13))
+    shapes: ClassVar[tuple[float, ...]] = tuple(60.0 + 1.2 * step for step in range(16))
     shape_means: ClassVar[str] = "temperature of the onset [degC]"
 
     def tissue(

@@ -47,17 +47,14 @@ def test_alternatives_are_the_effects_of_detectable_strengths(problem):
         reach = min(4.5 * size / np.linalg.norm(slope - basis @ (basis.T @ slope)), 4.0)
         reach = min(reach, cause.largest / cause.plausible)
         for one, sign in zip(mine, signs, strict=True):
-            assert one.reach == pytest.approx(sign * reach * cause.plausible)
-            change = at_strength(problem, cause, sign * reach, shape)[1] - plain
-            np.testing.assert_allclose(one.directions[:, 0] * sign * reach * cause.plausible, change, atol=1e-10)
+            # By a change that is small, where the derivative is that of none.
+            assert one.reach == pytest.approx(sign * reach * cause.plausible, rel=1e-3)
+            change = at_strength(problem, cause, one.reach / cause.plausible, shape)[1] - plain
+            np.testing.assert_allclose(one.directions[:, 0] * one.reach, change, atol=1e-10)
 
 
 def test_what_the_fit_leaves_of_an_effect_turns_little_from_shape_to_shape(problem):
-    """Else an effect between two shapes looks like neither, and is not seen.
-
-    0.7 and more about three fits on the mesh of a diagnosis; on the coarse one of these tests a lesion begins so
-    suddenly that one pair has 0.67. Midway between two at 0.6, 89 % of d' are still seen along one of them.
-    """
+    """Else an effect between two shapes looks like neither, and is not seen; the rule is that of `Cause.shapes`."""
     hidden, _ = measured_with(problem, "", 0.0, noise=0.01, seed=6)
     null = fit_hmi(hidden, (), white(hidden), size=0.01)
     basis, effects = independent(null.directions), hidden.alternatives(null.unknowns, null.directions, 0.01)
@@ -67,7 +64,7 @@ def test_what_the_fit_leaves_of_an_effect_turns_little_from_shape_to_shape(probl
             columns = np.concatenate(directions, axis=1)
             left = unit_columns(columns - basis @ (basis.T @ columns))
             cosines = np.sum(left[:, 1:] * left[:, :-1], axis=0)
-            assert np.all(cosines > 0.6), (cause.name, sign, cosines)
+            assert np.all(cosines > 0.7), (cause.name, sign, cosines)
 
 
 @pytest.mark.parametrize(("name", "strength"), [(LAG, 0.25), ("damage-law", 0.3)])
