@@ -13,7 +13,8 @@ uncorrected by 5 to 7, and fits that are compared have to be equally wrong. (Wha
 again.) The way itself is then asked of the full simulation where it matters.
 
 No derivatives are taken but once, of the constants: they and the effect of the strength are corrected by what every
-step shows (Broyden 1965, cited from memory). A fit takes four to eight predictions, 0.3 s; with derivatives it takes 3.
+step shows (Broyden 1965, cited from memory). A fit takes two to eight predictions, 0.2 s as a rule; with derivatives it
+takes 3.
 """
 
 import dataclasses
