@@ -114,10 +114,11 @@ def _repeats(problem: DmaProblem) -> Repeats:
     rounded = np.round(np.log(np.asarray(problem.conditions.angular_frequency)), 4)
     sweep = np.asarray(problem.conditions.sweep)
     total, freedom = 0.0, 0
-    scaled = problem.measured * problem.weights
+    measured, weights = problem.measured, problem.weights
     for key in set(zip(sweep.tolist(), rounded.tolist(), strict=True)):
         rows = (sweep == key[0]) & (rounded == key[1])
         if np.sum(rows) > 1:
-            total += float(np.sum((scaled[rows] - scaled[rows].mean(axis=0)) ** 2))
-            freedom += (int(np.sum(rows)) - 1) * scaled.shape[1]
+            middle = np.average(measured[rows], axis=0, weights=weights[rows] ** 2)
+            total += float(np.sum((weights[rows] * (measured[rows] - middle)) ** 2))
+            freedom += (int(np.sum(rows)) - 1) * measured.shape[1]
     return Repeats(float(np.sqrt(total / freedom)), freedom) if freedom else Repeats(np.nan, 0)

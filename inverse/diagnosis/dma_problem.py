@@ -20,7 +20,7 @@ from inverse.parameters import Parameter
 
 _RESIDUAL = LogModulus()
 _SHORTEST_VISIT = 3
-"""Rows at one temperature in a row, below which temperatures were changed from row to row."""
+"""Rows at one temperature in a row, below which, in half of them, temperatures were changed from row to row."""
 LEAST_SPARE = 4
 """Data beyond the number of fitted constants below which nothing is said about the model."""
 
@@ -217,7 +217,10 @@ def _times(data: DmaData) -> Float[np.ndarray, " row"]:
 def _conditions(sweeps: Sequence[Sweep]) -> DmaConditions:
     data = [sweep.data for sweep in sweeps]
     sizes = [len(one) for one in data]
-    time = np.concatenate([_times(one) for one in data])
+    begun: dict[str, float] = {}
+    for one in sweeps:
+        begun[one.sample] = min(begun.get(one.sample, np.inf), float(_times(one.data).min()))
+    time = np.concatenate([_times(one.data) - begun[one.sample] for one in sweeps])
     sweep = np.repeat(np.arange(len(sweeps)), sizes)
     visit, before = _visits(sweeps, sweep, time)
     passed = np.zeros(len(time))
@@ -245,7 +248,8 @@ def _visits(
 ) -> tuple[Int[np.ndarray, " row"], Int[np.ndarray, " row"]]:
     """Visit of each row, in the order in which each sample was measured, and the sweep of the visit before.
 
-    Rows that change temperature all the time are in no order of visits: there every sweep is one.
+    Rows that change temperature all the time are in no order of visits: there every sweep is one. Few readings between
+    two sweeps, to see whether a temperature measures as it did, are visits.
     """
     visit, before = np.zeros(len(sweep), dtype=int), sweep.copy()
     labels = np.array([one.sample for one in sweeps])[sweep]
@@ -255,7 +259,7 @@ def _visits(
         starts = np.array([time[sweep == one].min() for one in range(len(sweeps))])
         rows = rows[np.argsort(time[rows], kind="stable")]
         parts = np.split(rows, np.flatnonzero(np.diff(sweep[rows])) + 1)
-        if min(len(part) for part in parts) < _SHORTEST_VISIT:
+        if np.median([len(part) for part in parts]) < _SHORTEST_VISIT:
             rows = rows[np.lexsort((time[rows], sweep[rows], starts[sweep[rows]]))]
             parts = np.split(rows, np.flatnonzero(np.diff(sweep[rows])) + 1)
         for earlier, part in zip([parts[0], *parts], parts, strict=False):

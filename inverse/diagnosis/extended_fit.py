@@ -225,7 +225,8 @@ class Refit:
             slope = self._plain_slope(at)
             for i in free:
                 shape = causes[i].shapes[number] if len(causes[i].shapes) > 1 else None
-                found.append(Alternative(causes[i].name, slope[:, [i]], causes[i].sign, shape))
+                # A solver counts strengths in plausible ones, everybody else in their units.
+                found.append(Alternative(causes[i].name, slope[:, [i]] / self.white.scales[i], causes[i].sign, shape))
         return tuple(found)
 
     def _at(self, unknowns, moved) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n unknown"]]:

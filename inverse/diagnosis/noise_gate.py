@@ -54,8 +54,8 @@ class NoiseGate:
 
     @property
     def as_thought(self) -> bool:
-        """Whether white Gaussian noise, of the stated size if one is stated, would do."""
-        return min(self.p_white, 1.0 if np.isnan(self.p_size) else self.p_size, self.p_tails) >= GATE_LEVEL
+        """Whether white Gaussian noise would do, of the stated size if one is stated, as large as repeats scatter."""
+        return bool(np.nanmin([self.p_white, self.p_size, self.p_tails, self.p_repeats]) >= GATE_LEVEL)
 
     def describe(self) -> str:
         """In words."""
@@ -66,6 +66,8 @@ class NoiseGate:
             words.append(f"{self.size:.2f} times the stated standard deviations")
         if self.p_tails < GATE_LEVEL:
             words.append(f"with tails heavier than Gaussian (excess kurtosis {self.excess_kurtosis:.1f})")
+        if self.p_repeats < GATE_LEVEL:
+            words.append(f"{self.size / self.repeats:.2f} times as large as repeated readings scatter")
         return ", ".join(words)
 
 

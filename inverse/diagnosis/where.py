@@ -120,12 +120,14 @@ def whiteness(
 ) -> tuple[Whiteness, ...]:
     """Correlation of neighbouring residuals along each coordinate.
 
-    Fitted residuals are correlated even if the noise is white: the p-values are against white noise, fitted alike.
+    Fitted residuals are correlated even if the noise is white: the p-values are against white noise, fitted alike. Of
+    residuals of a fit that weighed them as correlated noise, what a fit in white noise would take goes first.
     Data beyond those that an axis knows, which are beliefs, are not looked at.
     """
     basis = independent(fitted)
     noise = rng.standard_normal((len(residuals), replicates))
-    batch = np.concatenate([residuals[:, None], noise - basis @ (basis.T @ noise)], axis=1)
+    batch = np.concatenate([residuals[:, None], noise], axis=1)
+    batch -= basis @ (basis.T @ batch)
     found = []
     for axis in axes:
         here = batch[: len(axis.keys)]
