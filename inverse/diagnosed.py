@@ -114,6 +114,14 @@ def diagnose(
     """
     if (dma is None) == (hmi is None):
         raise InputError("a diagnosis is of one measurement: give either `dma` or `hmi`, and call twice for both.")
+    if hmi is not None and (model != "fractional" or trust_units):
+        raise InputError(
+            "`model` and `trust_units` are of a DMA: curves of displacement are of the experiment's solid."
+        )
+    if dma is not None and experiment is not None:
+        raise InputError("a DMA is diagnosed without an experiment: leave out `experiment`.")
+    if isinstance(causes, str):
+        raise InputError(f"`causes` must be a list of names, got a text: write ['{causes}'].")
     require_level(level)
     asked = _Asked(causes, level, seed, gain, separate, on_step)
     with nullcontext() if out is None else output_directory(Path(out)) as folder:

@@ -30,7 +30,7 @@ class Proposal(Protocol):
         ...
 
     @property
-    def seconds(self) -> float:
+    def seconds(self) -> float | None:
         """How long it takes [s]."""
         ...
 

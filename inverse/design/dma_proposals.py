@@ -24,6 +24,7 @@ class DmaProposal:
         temperature: [degC].
         time: Since the first reading of all [s].
         sample: Which sample of the data is measured again.
+        has_time: Whether the data give time; without, readings are counted.
     """
 
     name: str
@@ -32,15 +33,16 @@ class DmaProposal:
     temperature: Float[np.ndarray, " row"]
     time: Float[np.ndarray, " row"]
     sample: str
+    has_time: bool = True
 
     def __len__(self) -> int:
         """Number of readings."""
         return len(self.frequency)
 
     @property
-    def seconds(self) -> float:
-        """From the first of its readings to the last [s]."""
-        return float(self.time[-1] - self.time[0])
+    def seconds(self) -> float | None:
+        """From the first of its readings to the last [s]; None where the data give no time."""
+        return float(self.time[-1] - self.time[0]) if self.has_time else None
 
     @property
     def keys(self) -> dict[str, float | str]:
@@ -76,7 +78,7 @@ def dma_proposals(data: DmaData, *, sample: str | None = None, seed: int = 0) ->
             one[0] += pause
         clock = end + np.cumsum(np.concatenate(spent))
         each = np.repeat(np.asarray(order), [len(one) for one in sets])
-        return DmaProposal(name, words, np.concatenate(sets), each, clock, sample)
+        return DmaProposal(name, words, np.concatenate(sets), each, clock, sample, data.time_s is not None)
 
     low, high = grid.min(), grid.max()
     between = [0.5 * (a + b) for a, b in zip(sorted(visited), sorted(visited)[1:], strict=False)]

@@ -62,6 +62,7 @@ class Evidence:
         statistics: t of each cause, and twice the gain of the log-likelihood of each free form of several directions.
         noises: The noise member that each alternative goes with.
         null_noise: The noise member without any alternative.
+        least_p: The least p-value that as many replicates can show.
     """
 
     p_value: float
@@ -72,6 +73,7 @@ class Evidence:
     statistics: Float[np.ndarray, " alternative"]
     noises: Int[np.ndarray, " alternative"]
     null_noise: int
+    least_p: float
 
     def best(self, name: str) -> int | None:
         """Index of the most probable shape of a cause."""
@@ -318,6 +320,7 @@ def evidence(
         statistics=found.statistic[:, 0],
         noises=found.noise[:, 0],
         null_noise=int(found.null_noise[0]),
+        least_p=1.0 / len(smallest),
     )
 
 

@@ -1,6 +1,7 @@
 """From an examined data set to the answer, whatever was measured."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
@@ -10,11 +11,12 @@ from jaxtyping import Float
 from arfjax import InputError
 from inverse.diagnosis.cause import Cause, Extension
 from inverse.diagnosis.decision import REPLICATES, Decision
-from inverse.diagnosis.examination import Examined, FullFit, NotTestable, detectable_strength
+from inverse.diagnosis.examination import DETECTABLE, Examined, FullFit, NotTestable
 from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.noise_gate import NoiseGate, Repeats, noise_gate
-from inverse.diagnosis.screening import Screen, visibility
+from inverse.diagnosis.regression import Regression
+from inverse.diagnosis.screening import Screen
 from inverse.diagnosis.where import Absorbed, Axis, Whiteness, absorbed_by_places, whiteness
 
 VERDICTS = ("adequate", "named", "confusable", "unexplained", "noise-model", "fit-failure")
@@ -72,9 +74,11 @@ class CauseReport:
         statistic: t of its strength.
         p_value: That noise alone gives any cause or free form as improbable a value.
         p_alone: p-value of this cause by itself.
-        estimate: Strength, refitted in full where it was put into the model, else from the linearisation.
+        estimate: Strength, refitted in full where it was put into the model, else from the linearisation, in the noise
+            that it goes with.
         interval: At 95 %.
-        detectability: Strength of d' = 4.5, found in 96 of 100 data sets if noise and model were known.
+        detectability: Strength of d' = 4.5 in noise as the verdict's model leaves it, found in 96 of 100 data sets if
+            noise and model were known.
         status: `named`, `confusable`, `possible` (what it leaves does not rule it out, but the verdict is
             `unexplained`, or the refit did not converge), `ruled out` (what it leaves is conspicuous), or `not needed`.
         left: p-value of what the model with this cause leaves, where it was put in.
@@ -162,14 +166,20 @@ def failed(account: Account, problem: Any, residuals, audit: Sequence[str], *, l
     )
 
 
-def require_level(level: float) -> None:
+def require_level(level: float, replicates: int = REPLICATES) -> None:
     """Refuse a level that replicates cannot show.
 
     Raises:
-        InputError: if it is out of range.
+        InputError: if it is out of range, or replicates are too few for it.
     """
     if not LOWEST_LEVEL <= level < 1.0:
         raise InputError(f"`level` must be from {LOWEST_LEVEL:g} to 1, got {level:g}.")
+    needed = math.ceil(2.0 / level) - 1
+    if replicates < needed:
+        raise InputError(
+            f"`replicates` must be {needed} or more to show a level of {level:g}, got {replicates}: the least p-value "
+            "that n of them can show is 1/(n + 1)."
+        )
 
 
 def conclude(
@@ -217,7 +227,8 @@ def conclude(
     if extended is not None:
         directions, left = extended.directions, extended.residuals
     on_step("refitting what else is possible")
-    reports = _reports(examined, decision, extended)
+    spread = Regression(left, directions, noise).size
+    reports = _reports(examined, decision, extended, Regression(examined.residuals, examined.fitted, noise), spread)
     gate = noise_gate(
         Screen(directions, (), examined.family), left, rng,
         stated=account.stated_deviations, repeats=repeats, replicates=replicates,
@@ -272,31 +283,49 @@ def _chosen(examined: Examined, decision: Decision) -> tuple[Extension, ...]:
     return tuple(examined.extension(name) for name in (decision.explanations or ((),))[0])
 
 
-def _reports(examined: Examined, decision: Decision, extended: FullFit | None) -> tuple[CauseReport, ...]:
-    """Every cause that the data can see, in rank order."""
+def _reports(
+    examined: Examined, decision: Decision, extended: FullFit | None, ended: Regression, spread: float
+) -> tuple[CauseReport, ...]:
+    """Every cause that the data can see, in rank order.
+
+    Args:
+        examined: The data.
+        decision: What follows.
+        extended: The refit with what was found.
+        ended: The fit without causes in the noise that the verdict ends with.
+        spread: Standard deviation of the residuals that the verdict's model leaves, in that noise.
+    """
     names = list(dict.fromkeys(alternative.name for alternative in examined.seen))
-    return tuple(_report(examined, decision, extended, name) for name in decision.ranked(names))
+    return tuple(
+        _report(
+            examined,
+            decision,
+            extended,
+            name,
+            DETECTABLE * spread / ended.length(examined.effect(name).directions[:, 0]),
+        )
+        for name in decision.ranked(names)
+    )
 
 
-def _report(examined: Examined, decision: Decision, extended: FullFit | None, name: str) -> CauseReport:
+def _report(
+    examined: Examined, decision: Decision, extended: FullFit | None, name: str, detectability: float
+) -> CauseReport:
     extension, row = examined.extension(name), examined.row(name)
-    strength = examined.linear_strengths((extension,))
-    if extension.cause.sign > 0:
-        strength = np.maximum(strength, 0.0)
-    direction = examined.direction(extension)
-    visible = float(visibility(direction, examined.fitted)[0])
-    error = examined.size / max(float(np.linalg.norm(direction)) * visible, 1e-300)
-    estimate, interval, converged = float(strength[0]), _interval(float(strength[0]), error, extension.cause), True
-    shape = examined.alternative(name).shape
+    own = Regression(examined.residuals, examined.fitted, examined.family[decision.omnibus.noises[row]])
+    estimate, interval = own.strength(examined.direction(extension)[:, 0])
+    lowest = 0.0 if extension.cause.sign > 0 else -extension.cause.largest
+    estimate, *interval = np.clip([estimate, *interval], lowest, extension.cause.largest).tolist()
+    shape, converged = examined.alternative(name).shape, True
     inside = [one.cause.name for one in extended.extensions] if extended is not None else []
     refit, which = (extended, inside.index(name)) if name in inside else (None, 0)
     if refit is None and name in decision.candidates:
         noise = examined.family[decision.tests[name].null_noise]
         kept = name in decision.possible
-        refit = examined.fit((extension,), noise, strength, kept)
+        refit = examined.fit((extension,), noise, examined.linear_strengths((extension,)), kept)
     if refit is not None:
         estimate, converged = float(refit.strengths[which]), refit.converged
-        interval = (float(refit.intervals[which, 0]), float(refit.intervals[which, 1]))
+        interval = refit.intervals[which].tolist()
         shape = None if shape is None else float(refit.extensions[which].shape)
     return CauseReport(
         cause=extension.cause,
@@ -305,24 +334,13 @@ def _report(examined: Examined, decision: Decision, extended: FullFit | None, na
         p_value=float(decision.omnibus.p_family[row]),
         p_alone=float(np.exp(decision.omnibus.log_p[row])),
         estimate=estimate,
-        interval=interval,
-        detectability=_detectability(examined, name),
+        interval=(interval[0], interval[1]),
+        detectability=detectability,
         status=_status(name, decision),
         left=decision.candidates.get(name),
         converged=converged,
         refit=refit,
     )
-
-
-def _detectability(examined: Examined, name: str) -> float:
-    effect = examined.effect(name)
-    visible = float(visibility(effect.directions, examined.fitted)[0])
-    return detectable_strength(effect, visible, examined.size)
-
-
-def _interval(estimate: float, error: float, cause: Cause) -> tuple[float, float]:
-    lower, upper = estimate - 1.96 * error, estimate + 1.96 * error
-    return (max(lower, 0.0), max(upper, 0.0)) if cause.sign > 0 else (lower, upper)
 
 
 def _status(name: str, decision: Decision) -> str:

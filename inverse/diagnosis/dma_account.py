@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Mapping
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -52,10 +53,16 @@ class DmaAccount:
         return _describe(self.problem, place)
 
     def shift(self, extended: ExtendedFit) -> list[str]:
-        """Constants of every sweep without and with the extension."""
-        lines = ["| sweep | M_0 [Pa] | M_inf [Pa] | tau [s] | alpha |", "| --- | ---: | ---: | ---: | ---: |"]
-        for sweep, before, after in zip(self.problem.sweeps, self.problem.constants, extended.constants, strict=True):
-            cells = [f"{b:.4g} → {a:.4g}" for b, a in zip(before, after, strict=True)]
+        """Constants of every sweep without and with the extension, as it makes them where it changes the solid."""
+        found = extended.constants
+        for extension, strength in zip(extended.extensions, extended.strengths, strict=True):
+            found = np.asarray(extension.cause.material(jnp.asarray(found), float(strength)))
+        # The order of a conventional solid is no constant, unless a cause makes it one.
+        columns = 4 if self.problem.model.fractional or np.any(found[:, 3] != 1.0) else 3
+        names = ["M_0 [Pa]", "M_inf [Pa]", "tau [s]", "alpha"][:columns]
+        lines = [f"| sweep | {' | '.join(names)} |", f"| --- |{' ---: |' * columns}"]
+        for sweep, before, after in zip(self.problem.sweeps, self.problem.constants, found, strict=True):
+            cells = [f"{b:.4g} → {a:.4g}" for b, a in zip(before[:columns], after[:columns], strict=True)]
             lines.append(f"| {sweep.label} | {' | '.join(cells)} |")
         return lines
 

@@ -44,10 +44,10 @@ def diagnose_dma(
         on_step: Told what is being done.
 
     Raises:
-        InputError: if there are too few data, or `level` is out of range.
+        InputError: if there are too few data, or `level` or `replicates` is out of range.
         ValueError: if JAX runs in single precision.
     """
-    require_level(level)
+    require_level(level, replicates)
     on_step("fitting")
     problem, _ = dma_problem(data, model, seed=seed)
     audit = _audit(problem)
@@ -67,7 +67,7 @@ def diagnose_dma(
         rng,
         audit=audit,
         axes=_axes(problem),
-        repeats=_repeats(problem),
+        repeats=repeats_of(problem),
         gain=worth if gain else None,
         level=level,
         seed=seed,
@@ -109,7 +109,7 @@ def _axes(problem: DmaProblem) -> tuple[Axis, ...]:
     )
 
 
-def _repeats(problem: DmaProblem) -> Repeats:
+def repeats_of(problem: DmaProblem) -> Repeats:
     """Pooled scatter of rows that share sweep and frequency."""
     rounded = np.round(np.log(np.asarray(problem.conditions.angular_frequency)), 4)
     sweep = np.asarray(problem.conditions.sweep)

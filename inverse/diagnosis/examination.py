@@ -19,6 +19,9 @@ LEAST_VISIBILITY = 0.02
 """Part of a cause's effect that the fitted constants must leave, or the data cannot see it."""
 MOST_IMPLAUSIBLE = 10.0
 """Detectable strength over the plausible one above which the data cannot see the cause either."""
+NEGLIGIBLE = 1e-3
+"""Length of an effect, in standard deviations of the noise, below which it is rounding: of a cause whose effect is a
+factor that is fitted as well, 1e-16 of it remains."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -157,7 +160,7 @@ def visible_alternatives(
         if usable:
             continue
         best = int(np.argmax(visible))
-        if not np.any(shapes[best].directions):
+        if float(np.linalg.norm(shapes[best].directions)) * MOST_IMPLAUSIBLE * cause.plausible < NEGLIGIBLE * size:
             why = "it has no effect on these data"
         elif visible[best] < LEAST_VISIBILITY:
             why = f"the fitted constants imitate all but {100.0 * visible[best]:.2g} % of its effect"

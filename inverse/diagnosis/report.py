@@ -5,10 +5,11 @@ from typing import Any
 
 from inverse.diagnosis.decision import SET_LEVEL, UNEXPLAINED_LEVEL
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
+from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 from inverse.output import finite
 from inverse.software import versions
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """Of diagnosis.json; keys do not change without a new number."""
 
 _VERDICTS = {
@@ -36,6 +37,7 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
         "causes": [_cause(one) for one in found.causes],
         "named": list(found.named),
         "confusable": [list(names) for names in found.confusable],
+        "explanations": [list(names) for names in found.decision.explanations] if found.decision is not None else [],
         "not_testable": [
             {"name": one.name, "why": one.why, "what_would_help": one.what_would_help} for one in found.not_testable
         ],
@@ -80,8 +82,9 @@ def report(found: Diagnosis, name: str, figures: Sequence[str], apart: Sequence[
     """
     lines = [f"# Diagnosis of {name}", "", f"**{found.verdict}.** {_sentence(found)}", ""]
     if found.decision is not None:
+        omnibus = found.decision.omnibus
         lines += [
-            f"That noise alone looks as bad: p = {found.decision.omnibus.p_value:.3g} (level {found.level:g}, "
+            f"That noise alone looks as bad: p {_p(omnibus.p_value, omnibus.least_p, '= ')} (level {found.level:g}, "
             f"calibrated on replicates of these residuals). Null model: {found.account.sentence}.",
             "",
         ]
@@ -140,11 +143,13 @@ def _shift(found: Diagnosis) -> list[str]:
 def _strength(one: CauseReport) -> str:
     shape = f", {one.cause.shape_means} {one.shape:.3g}" if one.shape is not None else ""
     unit = "" if one.cause.unit == "1" else f" {one.cause.unit}"
+    beyond = abs(one.estimate) > MOST_IMPLAUSIBLE * one.cause.plausible
+    far = f" That is more than {MOST_IMPLAUSIBLE:.0f} times what one would believe ({one.cause.plausible:.3g}{unit})."
     note = "" if one.converged else " (the refit did not converge)"
     curse = " Found just above the threshold, it is probably overestimated." if abs(one.statistic) < 4.5 else ""
     return (
         f"Strength {one.estimate:.3g}{unit} ({one.interval[0]:.3g} to {one.interval[1]:.3g} at 95 %){shape}"
-        f"{note}.{curse}"
+        f"{note}.{curse}{far if beyond else ''}"
     )
 
 
@@ -154,31 +159,41 @@ def _table(found: Diagnosis) -> list[str]:
     lines = [
         "## All causes that these data can see",
         "",
-        "| cause | place | t | p | p alone | strength | 95 % | would be seen from | unit | status |",
-        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | --- | --- |",
+        "| cause | place | t | p | p alone | p of the rest | strength | 95 % | would be seen from | unit | status |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- | --- |",
     ]
+    least = found.decision.omnibus.least_p if found.decision is not None else 0.0
     lines += [
-        f"| {one.cause.name} | {one.cause.place} | {one.statistic:.2f} | {one.p_value:.3g} | {one.p_alone:.2g} "
+        f"| {one.cause.name} | {one.cause.place} | {one.statistic:.2f} | {_p(one.p_value, least)} | {one.p_alone:.2g} "
+        f"| {'–' if one.left is None else f'{one.left:.2g}'} "
         f"| {one.estimate:.3g} | {one.interval[0]:.3g} to {one.interval[1]:.3g} | {one.detectability:.3g} "
-        f"| {one.cause.unit} | {one.status} |"
+        f"| {one.cause.unit} | {one.status}{'' if one.converged else ' (the refit did not converge)'} |"
         for one in found.causes
     ]
     return [
         *lines,
         "",
-        "p is for the whole family of causes and free forms, p alone for this cause by itself. A cause is ruled out if "
-        f"what it leaves is conspicuous, and possible if that is unlikely (p below {UNEXPLAINED_LEVEL:g}) but not out "
-        f'of the question ({SET_LEVEL:g}). "Would be seen from" is the strength of d\' = 4.5: found in 96 of 100 such '
+        "p is for the whole family of causes and free forms, p alone for this cause by itself, p of the rest for what "
+        "the model with it leaves, where it was put in. A cause is ruled out if what it leaves is conspicuous, and "
+        f"possible if that is unlikely (p below {UNEXPLAINED_LEVEL:g}) but not out of the question ({SET_LEVEL:g}), or "
+        'if its refit did not converge. "Would be seen from" is the strength of d\' = 4.5 in noise such as the model '
+        "of the verdict leaves: found in 96 of 100 such "
         "data sets if noise and model were known, in fewer as they are not.",
         "",
     ]
+
+
+def _p(value: float, least: float, equal: str = "") -> str:
+    """A p-value, or that it is at most the least that the replicates can show."""
+    return f"≤ {value:.2g}" if value <= 1.001 * least else f"{equal}{value:.3g}"
 
 
 def _where(found: Diagnosis) -> list[str]:
     lines = ["## Where", "", "| free correction | share of the misfit that it absorbs | p |", "| --- | ---: | ---: |"]
     # Of a coarse and a fine form of the same words the likelier.
     places = list({one.words: one for one in reversed(found.places)}.values())[::-1]
-    lines += [f"| {one.words} | {100.0 * one.share:.0f} % | {one.p_family:.3g} |" for one in places[:_PLACES]]
+    least = found.decision.last.least_p if found.decision is not None else 0.0
+    lines += [f"| {one.words} | {100.0 * one.share:.0f} % | {_p(one.p_family, least)} |" for one in places[:_PLACES]]
     lines += ["", "| neighbours along | correlation of residuals | p |", "| --- | ---: | ---: |"]
     lines += [f"| {one.along} | {one.correlation:+.2f} | {one.p_value:.3g} |" for one in found.residuals_whiteness]
     return [*lines, ""] if found.places else []

@@ -178,7 +178,7 @@ class Screen:
         best = np.full(data.shape[1], -np.inf)
         first, member, kept = np.zeros(data.shape[1]), np.zeros(data.shape[1], dtype=int), np.zeros_like(data)
         for index, prepared in enumerate(self._prepared):
-            left = _project_out(prepared.noise.whiten(data), prepared.fitted)
+            left = project_out(prepared.noise.whiten(data), prepared.fitted)
             found = self._likelihood(prepared, np.sum(left**2, axis=0))
             first = found if index == 0 else first
             better = found > best
@@ -188,7 +188,7 @@ class Screen:
 
     def left_of(self, residuals: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Residuals without what the fitted parameters could take, all weighing the same."""
-        return _project_out(residuals[:, None], self._fitted)[:, 0]
+        return project_out(residuals[:, None], self._fitted)[:, 0]
 
     def replicate(
         self, residuals: Float[np.ndarray, " n"], noise: int, count: int, rng: np.random.Generator
@@ -198,7 +198,7 @@ class Screen:
         Heavy tails stay what they are; drawn values change places and signs, so that no effect survives.
         """
         prepared = self._prepared[noise]
-        white = _project_out(prepared.noise.whiten(residuals[:, None]), prepared.fitted)[:, 0]
+        white = project_out(prepared.noise.whiten(residuals[:, None]), prepared.fitted)[:, 0]
         leverage = np.minimum(np.sum(prepared.fitted**2, axis=1), _HIGHEST_LEVERAGE)
         white = white / np.sqrt(1.0 - leverage)
         return prepared.noise.colour(rng.choice(np.concatenate([white, -white]), (len(white), count)))
@@ -294,7 +294,7 @@ def unit_columns(columns: Float[np.ndarray, "n q"]) -> Float[np.ndarray, "n q"]:
 
 def visibility(columns: Float[np.ndarray, "n q"], fitted: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " q"]:
     """Part of each column's length that the fitted parameters cannot imitate."""
-    return np.linalg.norm(_project_out(unit_columns(columns), independent(fitted)), axis=0)
+    return np.linalg.norm(project_out(unit_columns(columns), independent(fitted)), axis=0)
 
 
 def shrunk(
@@ -328,15 +328,15 @@ def visible_columns(columns: Float[np.ndarray, "n q"], basis: Float[np.ndarray, 
     """
     lengths = np.linalg.norm(columns, axis=0)
     if columns.shape[1] == 1:
-        left = _project_out(columns, basis)
+        left = project_out(columns, basis)
         return columns / max(float(lengths[0]), _FLOOR) if np.any(left) else columns[:, :0]
     order = np.argsort(-lengths, kind="stable")
     order = order[lengths[order] > 0.0]
     spread, found = [], np.zeros((len(columns), 0))
     for column in order:
-        left = _project_out(columns[:, [column]] / lengths[column], basis)
+        left = project_out(columns[:, [column]] / lengths[column], basis)
         # Twice: once is not enough where next to nothing is left.
-        rest = _project_out(_project_out(left, found), found)
+        rest = project_out(project_out(left, found), found)
         length = float(np.linalg.norm(rest))
         if length > _VISIBLE:
             spread.append(lengths[column])
@@ -344,7 +344,8 @@ def visible_columns(columns: Float[np.ndarray, "n q"], basis: Float[np.ndarray, 
     return found * np.array(spread) / spread[0] if spread else found
 
 
-def _project_out(columns: Float[np.ndarray, "n m"], basis: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n m"]:
+def project_out(columns: Float[np.ndarray, "n m"], basis: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n m"]:
+    """Columns without what an orthonormal basis holds of them."""
     return columns - basis @ (basis.T @ columns)
 
 

@@ -78,7 +78,7 @@ def diagnose_hmi(
         InputError: if data and experiment do not go together, there are too few data, or `level` is out of range.
         ValueError: if JAX runs in single precision.
     """
-    require_level(level)
+    require_level(level, replicates)
     settings = require_diagnosable(data, described, name)
     if prepared is None:
         prepared = prepare_hmi(

@@ -64,22 +64,29 @@ def _folds(problem: HmiDiagnosisProblem) -> tuple[list[Bool[np.ndarray, " row"]]
     block = rank * _BLOCKS // len(rank)
     parts = [block == one for one in np.unique(block)]
     parts = [part for part in parts if np.sum(part) > _LEAST_READINGS]
-    return parts, f"{len(parts)} blocks of neighbouring temperatures, each left out in turn"
+    return parts, f"{len(parts)} blocks of neighbouring temperatures, each left out in turn, the factor from the others"
 
 
 def _score(fit: HmiFit, noise: Noise, left_out: Bool[np.ndarray, " row"]) -> tuple[Float[np.ndarray, " _"], float]:
-    """Relative residuals of what was left out, and the log density of their scatter about their own factor."""
+    """Relative residuals of what was left out, and the log density of their scatter.
+
+    A sonication that was left out as a whole has a factor of its own, which its readings have to tell; a part of one
+    has that of the readings in use.
+    """
     problem = fit.problem
     raw, scale = problem.residuals(fit.unknowns), np.exp(noise.log_deviation[: len(problem.rows)])
     used = ~left_out
     spread = np.sqrt(np.mean((fit.of_readings / scale)[used] ** 2) * np.sum(used) / _freedom(fit, used))
     deviation = spread * scale[left_out]
-    weights = problem.weights[left_out] / deviation
+    sonication = problem.rows.sonication
+    whole = not np.any(np.isin(sonication[left_out], sonication[used]))
+    telling, weights = left_out if whole else used, problem.weights / scale
     # The factor by least squares; the density of what is free beside it.
-    factor = np.sum(weights * raw[left_out] / deviation) / np.sum(weights**2)
+    factor = np.sum((weights * raw / scale)[telling]) / np.sum(weights[telling] ** 2)
     rest = raw[left_out] - factor * problem.weights[left_out]
-    count = int(np.sum(left_out)) - 1
-    density = -0.5 * np.sum((rest / deviation) ** 2) - np.sum(np.log(deviation)) * count / (count + 1)
+    readings = int(np.sum(left_out))
+    count = readings - whole
+    density = -0.5 * np.sum((rest / deviation) ** 2) - np.sum(np.log(deviation)) * count / readings
     return rest / problem.weights[left_out], float(density - 0.5 * count * np.log(2.0 * np.pi))
 
 

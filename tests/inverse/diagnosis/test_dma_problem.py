@@ -7,8 +7,10 @@ import pytest
 
 from inverse.datasets.dma import dma_data
 from inverse.diagnosis import DMA_CAUSES
-from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.cause import Extension, every_shape
+from inverse.diagnosis.dma_diagnosis import repeats_of
 from inverse.diagnosis.dma_problem import dma_problem
+from inverse.diagnosis.extended_fit import fit_extended
 from inverse.diagnosis.gain import held_out_gain
 from inverse.diagnosis.noise import noise_family
 from inverse.dma_fit import FRACTIONAL
@@ -67,3 +69,42 @@ def test_blocks_that_leave_too_few_rows_are_left_in_and_that_is_said():
     gain = held_out_gain(problem, (Extension(drift, 0.0),), noise, np.zeros(1))
     assert gain is not None and "4 blocks" in gain.split and "1 more would have left too few rows" in gain.split
     assert np.isfinite(gain.log_score_gain)
+
+
+def test_few_control_readings_between_sweeps_are_visits_and_leave_the_others_as_they_are():
+    temperature = np.concatenate([np.repeat([20.0, 40.0], 6), [20.0], np.repeat(60.0, 6)])
+    frequency = np.concatenate([FREQUENCY, FREQUENCY, [1.0], FREQUENCY])
+    problem = problem_of(temperature, frequency, np.arange(19.0) + 100.0)
+    at, order = problem.conditions, np.argsort(np.asarray(problem.conditions.time))
+    np.testing.assert_array_equal(np.asarray(at.visit)[order], np.repeat([0, 1, 2, 3], [6, 6, 1, 6]))
+    np.testing.assert_array_equal(np.asarray(at.sweep_before)[order], np.repeat([0, 0, 1, 0], [6, 6, 1, 6]))
+    steps = np.linspace(0.0, 1.0, 6)
+    np.testing.assert_allclose(np.asarray(at.time_in_sweep)[order], np.concatenate([steps, steps, [0.0], steps]))
+    # The clock of the file starts anywhere, that of the sample at its first reading.
+    np.testing.assert_allclose(np.asarray(at.time)[order], np.arange(19.0))
+
+
+def test_second_causes_are_counted_in_their_units():
+    problem = problem_of(np.repeat([20.0, 40.0], 6), np.tile(FREQUENCY, 2), np.arange(12.0))
+    noise = noise_family(problem.orderings(), problem.frequencies())[0]
+    refit = fit_extended(problem, (), noise, np.zeros(0), library=DMA_CAUSES, profile=False)
+    first = problem.directions(every_shape(DMA_CAUSES), refit.constants)
+    expected = {(one.name, one.shape): one.directions for one in first}
+    assert len(refit.others) == len(expected)
+    for one in refit.others:
+        wanted = expected[one.name, one.shape]
+        np.testing.assert_allclose(one.directions, wanted, atol=1e-7 * np.max(np.abs(wanted)), err_msg=one.name)
+
+
+def test_repeats_of_unequal_deviations_scatter_about_their_weighted_mean():
+    problem = problem_of(np.repeat([20.0, 40.0, 20.0], 6), np.tile(FREQUENCY, 3), np.arange(18.0))
+    order = np.argsort(np.asarray(problem.conditions.time))
+    weights = np.empty_like(problem.weights)
+    # Between the two visits of 20 degC the deviations of a pair are 1 and 2.
+    weights[order] = 1.0 / np.repeat(np.array([1.0, 1.0, 2.0]), 6)[:, None]
+    weighted = dataclasses.replace(problem, weights=weights)
+    measured = problem.measured[order]
+    # Of two readings with variances 1 and 4 the squares about the weighted mean are their difference's over 5.
+    expected = np.sqrt(np.mean((measured[:6] - measured[12:]) ** 2 / 5.0))
+    found = repeats_of(weighted)
+    assert found.freedom == 12 and found.scatter == pytest.approx(expected, rel=1e-12)
