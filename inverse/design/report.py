@@ -72,8 +72,8 @@ def in_words(design: Design) -> list[str]:
     listed = " and ".join([", ".join(short["causes"][:-1]), short["causes"][-1]])
     now = (
         f"What {listed} do to these data, fitted constants taken off, is as little as {short['angle_deg']:.0f} degrees "
-        f"apart: each as strong as estimated, or as would surely be seen, the right one of two would look likelier "
-        f"in {_percent(short['probability_right'])} of cases at least if noise were white, which is less than to prove it."
+        f"apart: each as strong as estimated, or as would surely be seen, the right one of two would look likelier in "
+        f"{_percent(short['probability_right'])} of cases at least if noise were white, which does not prove it."
     )
     best = short["measurement"]
     if best["probability_right"] <= short["probability_right"]:

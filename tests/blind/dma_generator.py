@@ -131,6 +131,9 @@ EFFECTS: dict[str, Effect] = {
 }
 """Named effects, as a person who knows the physics would write them down."""
 
+BOTH_WAYS = ("phase-delay", "sweep-drift", "frame-resonance", "strain-nonlinearity")
+"""Effects of either sign: which one is drawn, unless the strength is given."""
+
 SCALES = {
     "instrument-inertia": 1e-5,
     "phase-delay": 1e-6,
@@ -242,10 +245,17 @@ def _distance(m: Measurement, logarithm: np.ndarray, constants: np.ndarray) -> t
     return np.sum(parts**2, axis=1), parts
 
 
-def hidden(m: Measurement, name: str, d_prime: float, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+def sign_of(name: str, seed: int) -> float:
+    """Which way an effect goes that may go either way; drawn beside everything else."""
+    return float(np.random.default_rng([seed, 20161231, 1]).choice((-1.0, 1.0))) if name in BOTH_WAYS else 1.0
+
+
+def hidden(
+    m: Measurement, name: str, d_prime: float, rng: np.random.Generator, sign: float = 1.0
+) -> tuple[np.ndarray, float]:
     """Logarithm of the modulus with the effect in it, and the strength; of `one+other` both, and that of the first.
 
-    Each of two has the strength that it needs by itself.
+    Each of two has the strength that it needs by itself, and is positive.
     """
     plain = solid(m.constants, m.omega)
     if "+" in name:
@@ -263,7 +273,7 @@ def hidden(m: Measurement, name: str, d_prime: float, rng: np.random.Generator) 
     else:
 
         def changed(strength: float) -> np.ndarray:
-            return np.log(EFFECTS[name](plain, m, strength))
+            return np.log(EFFECTS[name](plain, m, sign * strength))
 
     def excess(logarithm_of_strength: float) -> float:
         return np.log(length_after_fit(m, changed(np.exp(logarithm_of_strength))) / (d_prime * NOISE))
@@ -278,7 +288,7 @@ def hidden(m: Measurement, name: str, d_prime: float, rng: np.random.Generator) 
     while excess(low) > 0.0:
         low -= 0.3
     strength = float(np.exp(optimize.brentq(excess, low, high, xtol=1e-3)))
-    return changed(strength), strength
+    return changed(strength), sign * strength
 
 
 def write(
@@ -300,7 +310,7 @@ def write(
     rng = np.random.default_rng([seed, 20161231])
     m, asked = draw_measurement(rng, shuffled=shuffled), d_prime if strength is None else None
     if strength is None:
-        logarithm, strength = hidden(m, name, d_prime, rng)
+        logarithm, strength = hidden(m, name, d_prime, rng, sign_of(name, seed))
     else:
         logarithm = np.log(EFFECTS[name](solid(m.constants, m.omega), m, strength))
     modulus = np.exp(logarithm + NOISE * draw_noise(noise, m, rng))

@@ -209,6 +209,20 @@ UNSEEN = (
 )
 """What this design does not show, for one of two tissues at least, at strengths that there can be: the fitted constants
 imitate it. No rates are measured of these."""
+BOTH_WAYS = (
+    "conductivity-change",
+    "damage-law",
+    "output-drift",
+    "cavitation",
+    "lesion-stiffness-law",
+    "pre-ablation-softening",
+    "attenuation-kinetics",
+    "normalisation-temperature",
+    "near-boundary",
+    "echo-strain",
+)
+"""Effects of either sign: which one is drawn, unless the strength is given. (Less blood flow than none is not.)"""
+
 EFFECTS = tuple(name for name in (*SENSORS, *TISSUE, *TRACKING) if name not in UNSEEN)
 
 
