@@ -72,6 +72,8 @@ def test_cause_is_found_in_tissue_that_is_not_as_simple_as_the_simulation(by_poi
 
 
 def test_such_tissue_alone_is_no_cause(by_point):
-    seeds = [blind.TEST_SEEDS + 80 + k for k in range(2)]
+    seeds = [blind.TEST_SEEDS + 80 + k for k in range(3)]
     found = [one_set(Condition("null", "none", 0.0, size=0.03), seed, by_point) for seed in seeds]
-    assert sum(one["verdict"] in ("adequate", "noise-model") for one in found) >= 1
+    # One of twenty data sets is found wrong by chance: of three, hardly ever two.
+    assert sum(bool(one["named"] or one["confusable"]) for one in found) <= 1
+    assert sum(one["verdict"] in ("adequate", "noise-model") for one in found) >= 2
