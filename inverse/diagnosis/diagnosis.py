@@ -314,8 +314,7 @@ def _report(
     extension, row = examined.extension(name), examined.row(name)
     own = Regression(examined.residuals, examined.fitted, examined.family[decision.omnibus.noises[row]])
     estimate, interval = own.strength(examined.direction(extension)[:, 0])
-    lowest = 0.0 if extension.cause.sign > 0 else -extension.cause.largest
-    estimate, *interval = np.clip([estimate, *interval], lowest, extension.cause.largest).tolist()
+    estimate, *interval = np.clip([estimate, *interval], *extension.cause.possible).tolist()
     shape, converged = examined.alternative(name).shape, True
     inside = [one.cause.name for one in extended.extensions] if extended is not None else []
     refit, which = (extended, inside.index(name)) if name in inside else (None, 0)

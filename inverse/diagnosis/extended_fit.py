@@ -90,8 +90,8 @@ class Refit:
         self.white = WhiteResidual(problem, tuple(known.values()), noise)
         self._scales = strength_scales([extension.cause for extension in self.extensions])
         self._one_sided = np.array([extension.cause.sign > 0 for extension in self.extensions], dtype=bool)
-        largest = np.array([extension.cause.largest for extension in self.extensions], dtype=float) / self._scales
-        self._range = np.stack([np.where(self._one_sided, 0.0, -largest), largest], axis=-1)
+        possible = [extension.cause.possible for extension in self.extensions]
+        self._range = np.array(possible, dtype=float).reshape(-1, 2) / self._scales[:, None]
         self._everything = np.ones(problem.rows, dtype=bool)
         self._all = jnp.ones(problem.weights.size)
         places, total = [list(known).index(extension.cause.name) for extension in self.extensions], len(known)

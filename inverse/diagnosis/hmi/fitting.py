@@ -161,8 +161,7 @@ class Fitting:
         lower[program.constants] = program.start - _FARTHEST * program.spreads
         upper[program.constants] = program.start + _FARTHEST * program.spreads
         for strength, shape, extension in zip(self.strengths, self.shapes, self.extensions, strict=True):
-            largest = extension.cause.largest / extension.cause.plausible
-            lower[strength], upper[strength] = 0.0 if extension.cause.sign > 0 else -largest, largest
+            lower[strength], upper[strength] = np.array(extension.cause.possible) / extension.cause.plausible
             lower[shape], upper[shape] = extension.cause.shapes[0], extension.cause.shapes[-1]
         return lower, upper
 

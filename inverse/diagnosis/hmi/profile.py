@@ -148,9 +148,8 @@ class _End:
 
     def _limit(self) -> float:
         """How far the strength may go."""
-        cause = self.fit.extensions[self.which].cause
-        lowest = 0.0 if cause.sign > 0 else -cause.largest
-        return max(self.best - lowest if self.direction < 0.0 else cause.largest - self.best, 0.0)
+        lowest, largest = self.fit.extensions[self.which].cause.possible
+        return max(self.best - lowest if self.direction < 0.0 else largest - self.best, 0.0)
 
     def _searched(self, problem: HmiDiagnosisProblem, step: float) -> Trial | None:
         return searched(lambda step: self._held(problem, step), step, self.limit)

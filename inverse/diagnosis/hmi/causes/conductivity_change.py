@@ -16,8 +16,8 @@ class ConductivityChange(HmiCause):
     unit = "1"
     sign = 0
     plausible = 0.3
-    largest = 0.9
-    """A tenth of the conductivity, or nearly twice as much: no tissue is known to go beyond."""
+    lowest = -0.95
+    """Hardly any heat is conducted."""
     sentence = (
         "Heat spreads faster or slower than assumed, so that the lesion is wider or narrower at the same temperature."
     )
