@@ -14,10 +14,9 @@ from scipy import optimize, stats
 from inverse.diagnosis.cause import DmaCause, DmaConditions, Extension
 from inverse.diagnosis.dma_problem import DmaProblem, predict_coordinates
 from inverse.diagnosis.noise import Noise
+from inverse.diagnosis.regression import INTERVAL_LEVEL
 from inverse.diagnosis.screening import Alternative
 from inverse.parameters import Parameter, constrain, unconstrain
-
-INTERVAL_LEVEL = 0.95
 
 
 @dataclasses.dataclass(frozen=True)
