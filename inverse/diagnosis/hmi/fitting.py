@@ -11,8 +11,8 @@ from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.noise import Noise
+from inverse.diagnosis.regression import INTERVAL_LEVEL
 
-INTERVAL_LEVEL = 0.95
 _TOLERANCE = 1e-4
 """Relative change of the sum of squares at which a fit ends; what is left then is less, and far below what decides
 between causes."""
