@@ -54,9 +54,7 @@ def examine_dma(
     decision = decide(
         residuals, fitted, seen, free_forms, family, rng, extend=extend, level=level, replicates=replicates
     )
-    return Examined(
-        tuple(causes), residuals, fitted, size, tuple(seen), not_testable, tuple(places), family, decision, fit
-    )
+    return Examined(tuple(causes), residuals, fitted, tuple(seen), not_testable, tuple(places), family, decision, fit)
 
 
 def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: Sequence[DmaCause]):

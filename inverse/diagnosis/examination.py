@@ -86,7 +86,6 @@ class Examined:
         causes: The library.
         residuals: Measured less predicted, weighted.
         fitted: Derivatives in the fitted constants.
-        size: Standard deviation of the residuals.
         seen: Effects of causes, about the fit, that the data can see.
         not_testable: Causes that they cannot see.
         places: Where the free forms act.
@@ -98,7 +97,6 @@ class Examined:
     causes: tuple[Cause, ...]
     residuals: Float[np.ndarray, " n"]
     fitted: Float[np.ndarray, "n p"]
-    size: float
     seen: tuple[Alternative, ...]
     not_testable: tuple[NotTestable, ...]
     places: tuple[Place, ...]

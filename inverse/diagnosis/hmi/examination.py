@@ -76,7 +76,7 @@ def examine_hmi(
         residuals, fitted, looked_for, forms, family, rng, extend=extend, level=level, replicates=replicates
     )
     return Examined(
-        tuple(causes), residuals, fitted, spread, tuple(seen), not_testable, tuple(places), family, decision, refits
+        tuple(causes), residuals, fitted, tuple(seen), not_testable, tuple(places), family, decision, refits
     )
 
 

@@ -109,7 +109,7 @@ def test_an_effect_of_no_name_stays_without(tmp_path, name):
         pytest.param(
             "phase-delay",
             4021,
-            marks=pytest.mark.xfail(reason="one of three here, three of three in development", strict=False),
+            marks=pytest.mark.xfail(reason="one of three here, three of three in development", strict=True),
         ),
     ],
 )

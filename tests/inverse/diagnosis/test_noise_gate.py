@@ -1,5 +1,7 @@
 """What is said of the noise, on lines through repeated readings."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -35,6 +37,9 @@ def test_lack_of_fit_is_that_of_the_textbook(bend):
     found = gate_of(data, scatter_of(data))
     assert found.p_repeats == pytest.approx(stats.f.sf(between / within, PLACES - 2, PLACES * (REPEATED - 1)))
     assert found.p_repeats < 1e-4 if bend else found.p_repeats > 0.05
+    # By itself: a bend is seen by the other tests as well.
+    alone = dataclasses.replace(found, p_white=1.0, p_tails=1.0, p_size=np.nan)
+    assert alone.as_thought == (not bend) and ("repeated readings" in alone.describe()) == bool(bend)
 
 
 def test_without_repeats_nothing_is_said_of_them():
