@@ -76,7 +76,6 @@ class Cause(eqx.Module):
         plausible: Scale of strengths that one would believe. A cause that shows only far above it is not testable, and
             searches begin by it; no estimate is held back by it.
         largest: Strength, of either sign, beyond which there is no such effect or nothing is known of it.
-        lowest: The same of negative ones where it is another.
         shapes: Values of a second parameter to screen, ascending; (0.0,) for a cause without one. A refit moves it
             between the first and the last. In steps so small that what the fit leaves of the effects of neighbours
             has a cosine of 0.7 at least: an effect between two of them is then seen with 92 % of its d' or more.
@@ -95,14 +94,13 @@ class Cause(eqx.Module):
     helps: ClassVar[str]
     source: ClassVar[str]
     largest: ClassVar[float] = float("inf")
-    lowest: ClassVar[float] = float("-inf")
     shapes: ClassVar[tuple[float, ...]] = (0.0,)
     shape_means: ClassVar[str] = ""
 
     @property
     def possible(self) -> tuple[float, float]:
         """Least and largest strength that there can be."""
-        return (0.0 if self.sign > 0 else max(self.lowest, -self.largest)), self.largest
+        return (0.0 if self.sign > 0 else -self.largest), self.largest
 
 
 class DmaCause(Cause):

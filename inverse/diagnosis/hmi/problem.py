@@ -152,4 +152,4 @@ class HmiDiagnosisProblem:
 
 def farthest(cause: HmiCause) -> float:
     """Strength, in plausible ones, up to which an effect is followed."""
-    return min(_FARTHEST, cause.largest / cause.plausible, abs(cause.lowest) / cause.plausible)
+    return min(_FARTHEST, cause.largest / cause.plausible)

@@ -169,7 +169,7 @@ class _RoughFitting:
         slopes = np.append(change, self._slopes, axis=1) * scales
         followed = Followed(lambda part: self._fitting.stacked(whole(part)), self._first, slopes)
         lower, upper = (each[moved] - begun.unknowns[moved] for each in self._fitting.bounds())
-        most = max(abs(cause.possible[int(reach > 0.0)]) / cause.plausible / abs(reach), 1.0 + 1e-6)
+        most = max(cause.largest / cause.plausible / abs(reach), 1.0 + 1e-6)
         followed.descend(np.append(_LEAST, lower[1:] / scales[1:]), np.append(most, upper[1:] / scales[1:]))
         if followed.best is None:
             return RoughFit(effect, begun.unknowns, 0.0, np.inf)

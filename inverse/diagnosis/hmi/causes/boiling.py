@@ -16,8 +16,6 @@ class Boiling(HmiCause):
     unit = "1"
     sign = 1
     plausible = 0.5
-    largest = 1.0
-    """All of the push."""
     sentence = "At the boiling point vapour reflects the sound: hardly any push arrives at the focus behind it."
     helps = "Sonications that end below 95 degC, or a passive detector."
     source = "Khokhlova et al. (2006), from memory; a logistic 1 K wide at 99 degC"

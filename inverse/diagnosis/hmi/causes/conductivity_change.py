@@ -16,8 +16,6 @@ class ConductivityChange(HmiCause):
     unit = "1"
     sign = 0
     plausible = 0.3
-    lowest = -0.95
-    """Hardly any heat is conducted."""
     sentence = (
         "Heat spreads faster or slower than assumed, so that the lesion is wider or narrower at the same temperature."
     )

@@ -15,8 +15,6 @@ class OutputDrift(HmiCause):
     unit = "1"
     sign = 0
     plausible = 0.1
-    largest = 1.0
-    """No output at the end, or twice as much."""
     sentence = (
         "The transducer's efficiency changes while it warms: the same drive pushes less at the end of a "
         "sonication than at its start."

@@ -19,8 +19,6 @@ class Perfusion(HmiCause):
     unit = "1"
     sign = 0
     plausible = 1.0
-    lowest = -1.0
-    """No blood flows, where as much as in life was assumed."""
     sentence = (
         "More or less blood flow than assumed: the temperature comes to rest earlier or later, and the lesion has "
         "another shape and dose."
