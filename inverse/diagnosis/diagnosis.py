@@ -74,8 +74,8 @@ class CauseReport:
         statistic: t of its strength.
         p_value: That noise alone gives any cause or free form as improbable a value.
         p_alone: p-value of this cause by itself.
-        estimate: Strength, refitted in full where it was put into the model, else from the linearisation, in the noise
-            that it goes with.
+        estimate: Strength, refitted in full where it was put into the model, else from the linearisation, in the
+            likeliest noise without any cause: where t says that nothing is there, the interval holds 0.
         interval: At 95 %.
         detectability: Strength of d' = 4.5 in noise as the verdict's model leaves it, found in 96 of 100 data sets if
             noise and model were known.
@@ -312,10 +312,14 @@ def _report(
     examined: Examined, decision: Decision, extended: FullFit | None, name: str, detectability: float
 ) -> CauseReport:
     extension, row = examined.extension(name), examined.row(name)
-    own = Regression(examined.residuals, examined.fitted, examined.family[decision.omnibus.noises[row]])
-    estimate, interval = own.strength(examined.direction(extension)[:, 0])
-    estimate, *interval = np.clip([estimate, *interval], *extension.cause.possible).tolist()
-    shape, converged = examined.alternative(name).shape, True
+    tested = examined.alternative(name)
+    alone = Regression(examined.residuals, examined.fitted, examined.family[decision.omnibus.null_noise])
+    estimate, interval = alone.strength(tested.directions[:, 0])
+    estimate = max(estimate, 0.0) if tested.sign > 0 else min(estimate, 0.0) if tested.sign < 0 else estimate
+    # Where a strength comes out on the side that was not tested, none is the best that there can be.
+    reach = 0.5 * (interval[1] - interval[0])
+    interval = np.clip([estimate - reach, estimate + reach], *extension.cause.possible).tolist()
+    shape, converged = tested.shape, True
     inside = [one.cause.name for one in extended.extensions] if extended is not None else []
     refit, which = (extended, inside.index(name)) if name in inside else (None, 0)
     if refit is None and name in decision.candidates:

@@ -124,10 +124,6 @@ class Examined:
         best = self.alternative(name)
         return next(one for one in self.seen if (one.name, one.shape, one.sign) == (name, best.shape, best.sign))
 
-    def direction(self, extension: Extension) -> Float[np.ndarray, "n 1"]:
-        """Change of the weighted prediction with the strength of an extension, as it was looked for."""
-        return self.alternative(extension.cause.name).directions
-
     def linear_strengths(self, extensions: Sequence[Extension]) -> Float[np.ndarray, " extension"]:
         """Strengths of the extensions together in the linearised model: where a refit starts."""
         added = [self.alternative(extension.cause.name) for extension in extensions]
