@@ -40,8 +40,8 @@ SETS = {"known": 25, "null": 400, "unknown": 100, "removed": 10}
 """Of each condition."""
 DESIGNS = 3
 _AT_ONCE = 20
-_FIRST_SEED = {False: 700_000, True: 200}
-"""By whether they are for development. Those from 600000 were looked at with earlier code."""
+_FIRST_SEED = {False: 1_000_000, True: 200}
+"""By whether they are for development. Those from 600000 to 999999 were looked at with earlier code, or are others'."""
 
 
 def some_sets(designs: Sequence[Design], condition: Condition, seeds: Sequence[int]) -> list[dict[str, Any]]:
@@ -51,7 +51,7 @@ def some_sets(designs: Sequence[Design], condition: Condition, seeds: Sequence[i
 
 def _one_set(about: Design, condition: Condition, seed: int) -> dict[str, Any]:
     begun, rng = time.perf_counter(), np.random.default_rng([seed, 20261123])
-    data = _drawn(about, condition, rng)
+    data = _drawn(about, condition, seed, rng)
     basis = np.linalg.qr(unit_columns(about.fitted))[0]
     removed = condition.name if condition.part == "removed" else ""
     causes = [one for one in about.alternatives if one.name != removed]
@@ -70,14 +70,14 @@ def _one_set(about: Design, condition: Condition, seed: int) -> dict[str, Any]:
     }
 
 
-def _drawn(about: Design, condition: Condition, rng: np.random.Generator) -> Float[np.ndarray, " datum"]:
+def _drawn(about: Design, condition: Condition, seed: int, rng: np.random.Generator) -> Float[np.ndarray, " datum"]:
     """Noise of readings, then of beliefs, and the effect."""
     assert about.temperature is not None
     readings, rest = len(about.temperature), len(about.fitted) - len(about.temperature)
     noise = np.append(blind.draw_noise(condition.noise, about.temperature, rng), rng.standard_normal(rest))
     effect = np.zeros(len(noise))
     if condition.name in about.truths:
-        effect = about.truths[condition.name][:, 0]
+        effect = blind.sign_of(condition.name, seed) * about.truths[condition.name][:, 0]
     elif condition.name in blind.UNKNOWN:
         effect[:readings] = blind.UNKNOWN[condition.name](about.temperature, rng)
         # As the generator has it: by readings alone, constants free.
