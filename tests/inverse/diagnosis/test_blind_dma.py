@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import inverse
+from inverse.commands.main import run
 from inverse.datasets.dma import dma_data, read_dma
 from inverse.diagnosis import diagnose_dma
 from tests.blind import dma_generator as blind
@@ -17,6 +18,14 @@ def diagnosed(folder, *, seed, gain=False, **hidden):
     blind.write(folder / "data.csv", folder / "key.json", seed=blind.TEST_SEEDS + seed, **hidden)
     found = diagnose_dma(read_dma(folder / "data.csv"), seed=seed, gain=gain)
     return found, json.loads((folder / "key.json").read_text())
+
+
+def commanded(folder, *, seed, **hidden):
+    """What the command writes of the file alone, and the key, opened afterwards."""
+    data, key, out = folder / "data.csv", folder / "key.json", folder / "out"
+    blind.write(data, key, seed=blind.TEST_SEEDS + seed, **hidden)
+    assert run(["diagnose", "--dma", str(data), "--out", str(out), "--seed", str(seed)]) == 0
+    return json.loads((out / "diagnosis.json").read_text()), json.loads(key.read_text())
 
 
 def not_ruled_out(found, name):
@@ -33,15 +42,17 @@ def test_a_strong_effect_is_found_and_its_strength_is_covered(tmp_path, name):
     """
     found, covered = [], []
     for number in (1, 2):
-        one, key = diagnosed(tmp_path, seed=100 * (1 + TESTABLE.index(name)) + number, name=name, d_prime=9.0)
-        assert one.verdict in ("named", "confusable", "unexplained")
-        found.append(one.verdict != "unexplained" and not_ruled_out(one, name))
-        own = next(cause for cause in one.causes if cause.cause.name == name)
-        hidden = key["strength_of_readings"]
-        covered.append(own.interval[0] <= hidden <= own.interval[1])
-        if own.shape is None:
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        one, key = commanded(folder, seed=100 * (1 + TESTABLE.index(name)) + number, name=name, d_prime=9.0)
+        assert one["verdict"] in ("named", "confusable", "unexplained")
+        own = next(cause for cause in one["causes"] if cause["name"] == name)
+        found.append(own["status"] in ("named", "confusable"))
+        hidden, interval = key["strength_of_readings"], own["interval"]
+        covered.append(interval[0] <= hidden <= interval[1])
+        if own["shape"] is None:
             # At d' = 9 the standard error is a ninth of the strength.
-            assert own.estimate == pytest.approx(hidden, rel=5.0 / 9.0)
+            assert own["estimate"] == pytest.approx(hidden, rel=5.0 / 9.0)
     assert any(found) and any(covered)
 
 

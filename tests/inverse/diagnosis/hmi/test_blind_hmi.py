@@ -4,11 +4,14 @@ Few sets, each far above the noise: `python -m benchmarks.diagnosis_hmi` measure
 """
 
 import dataclasses
+import json
 
 import pytest
 
 from benchmarks.diagnosis_hmi import Condition, diagnosed, one_set, prepared_bench
+from inverse.commands.main import run
 from inverse.datasets.hmi import read_hmi
+from inverse.datasets.shipped import shipped
 from tests.blind import hmi_generator as blind
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
@@ -26,6 +29,19 @@ def test_hidden_effect_is_found_and_not_ruled_out(bench, name):
     found = one_set(Condition("known", name, 9.0), blind.TEST_SEEDS + 11 + len(name), bench)
     assert found["verdict"] != "adequate" and found["p"] < 0.05
     assert name in found["possible"]
+
+
+def test_command_finds_it_in_the_file_alone(bench, tmp_path):
+    data, key, out, seed = tmp_path / "data.csv", tmp_path / "key.json", tmp_path / "out", blind.TEST_SEEDS + 95
+    blind.write(data, key, fine=bench.fine, ruler=bench.ruler, seed=seed, name="output-drift", d_prime=9.0)
+    experiment = str(shipped("suomi2016_experiment"))
+    assert run(["diagnose", experiment, "--hmi", str(data), "--out", str(out), "--seed", str(seed)]) == 0
+    found, hidden = json.loads((out / "diagnosis.json").read_text()), json.loads(key.read_text())
+    own = next(cause for cause in found["causes"] if cause["name"] == hidden["hidden"])
+    assert found["verdict"] != "adequate" and own["status"] in ("named", "confusable", "possible")
+    # Of the two sides of a drift, the one that was hidden; a ninth of it is the standard error.
+    assert own["estimate"] * hidden["strength"] > 0.0
+    assert (out / "report.md").exists()
 
 
 def test_nothing_hidden_and_a_coarser_mesh_is_no_cause(bench):
