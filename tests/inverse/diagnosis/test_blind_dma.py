@@ -113,13 +113,14 @@ def test_an_effect_of_no_name_stays_without(tmp_path, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("other", "first"), [("instrument-inertia", 4001), ("phase-delay", 4021)])
+@pytest.mark.parametrize(("other", "first"), [("instrument-inertia", 4001), ("phase-delay", 4041)])
 def test_two_causes_at_once(tmp_path, other, first):
     """Drying and drift of the reading resemble each other (.85), a delay and drainage: sets, beside what stands out.
 
     A delay is counted in units that are 1e-4 of what is plausible: a second cause starts in its own. One true pair in
     ten is called unexplained, by the level that pairs are held to. Measured on seeds for development: 11 of 12 pairs
-    with a delay complete; fewer than three of six at such a rate are less likely than one in a hundred.
+    with a delay complete; fewer than four of six at such a rate are less likely than one in a hundred. (Of 4021 to
+    4026, which were looked at before six were asked for, four were.)
     """
     complete = []
     for seed in range(first, first + 6):
@@ -131,7 +132,7 @@ def test_two_causes_at_once(tmp_path, other, first):
         if complete[-1]:
             assert found.extended is not None and len(found.extended.extensions) == 2
             assert found.verdict == ("confusable" if found.confusable else "named")
-    assert sum(complete) >= 3
+    assert sum(complete) >= 4
 
 
 def test_strange_noise_is_called_noise(tmp_path):
