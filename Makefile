@@ -60,7 +60,7 @@ operating-characteristic-hmi-linear: $(VENV)/.run  ## the same for displacement,
 	$(BIN)/python -m benchmarks.diagnosis_hmi_fast --docs docs --workers 2
 
 operating-characteristic-hmi: $(VENV)/.run  ## the same on simulated data, two hours a round; goes on where it was stopped
-	$(BIN)/python -m benchmarks.diagnosis_hmi --out results/benchmarks/diagnosis_hmi.jsonl --docs docs --workers 2
+	$(BIN)/python -m benchmarks.diagnosis_hmi --out benchmarks/records/diagnosis_hmi.jsonl --docs docs --workers 2
 
 calibration: $(VENV)/.run  ## docs/calibration.md, in three quarters of an hour; goes on where it was stopped
 	$(BIN)/python -m benchmarks.calibration --out results/benchmarks/calibration.json --docs docs

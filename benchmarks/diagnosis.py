@@ -129,6 +129,8 @@ def _strength(found: Examined, name: str, key: dict) -> dict:
 
 
 def _seed(place: int, number: int, development: bool) -> int:
+    if number >= (_DEVELOPMENT_SEEDS_A_CONDITION if development else _SEEDS_A_CONDITION):
+        raise SystemExit("--sets: so many rounds would take seeds of other conditions; ask for fewer.")
     if development:
         return 200 + _DEVELOPMENT_SEEDS_A_CONDITION * place + number
     return FIRST_TEST_SEED + _SEEDS_A_CONDITION * place + number

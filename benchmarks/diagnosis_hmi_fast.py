@@ -28,8 +28,9 @@ from jaxtyping import Float
 
 import arfjax as ax
 from benchmarks.diagnosis_docs import LINEAR_HMI_STUDY, write_docs
-from benchmarks.diagnosis_hmi import STRENGTHS, Bench, Condition, conditions, design, prepared_bench
+from benchmarks.diagnosis_hmi import SOURCES, STRENGTHS, Bench, Condition, conditions, design, prepared_bench
 from benchmarks.diagnosis_limits import Design, limits, projected_length
+from benchmarks.diagnosis_record import code_of, stamp
 from benchmarks.diagnosis_summary import summarise
 from benchmarks.spread import spread
 from inverse.diagnosis.decision import decide
@@ -77,7 +78,7 @@ def _drawn(about: Design, condition: Condition, seed: int, rng: np.random.Genera
     noise = np.append(blind.draw_noise(condition.noise, about.temperature, rng), rng.standard_normal(rest))
     effect = np.zeros(len(noise))
     if condition.name in about.truths:
-        effect = blind.sign_of(condition.name, seed) * about.truths[condition.name][:, 0]
+        effect = about.truths[condition.name][int(blind.sign_of(condition.name, seed))][:, 0]
     elif condition.name in blind.UNKNOWN:
         effect[:readings] = blind.UNKNOWN[condition.name](about.temperature, rng)
         # As the generator has it: by readings alone, constants free.
@@ -119,10 +120,12 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     designs = measured_designs(prepared_bench(), given.development)
     todo = [(designs, *piece) for piece in planned(given.share, given.development)]
-    lines = [line for part in spread(some_sets, todo, workers=given.workers) for line in part]
+    made_by = stamp(SOURCES)
+    lines = [line | {"stamp": made_by} for part in spread(some_sets, todo, workers=given.workers) for line in part]
     summary = {
         "benchmark": "diagnosis_hmi_fast",
         "seeds": "development" if given.development else "test",
+        "code": code_of(lines, made_by),
         **summarise(lines, limits(designs, STRENGTHS)),
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }

@@ -32,7 +32,8 @@ class Design:
     Attributes:
         fitted: Derivative of the prediction in the fitted constants.
         alternatives: Causes that the data can see, in every shape.
-        truths: Effect of d' = 1 of each cause that may be hidden, as the generator has it.
+        truths: Effect of d' = 1 of each cause that may be hidden, as the generator has it, by its sign: of those that
+            bend, the one of a negative strength is no mirror image. Both signs are where both are hidden and differ.
         family: Noise members, white first.
         free_forms: Corrections of no name; only those who ask what a diagnosis says need them.
         temperature: Of the readings, if they have one each.
@@ -40,7 +41,7 @@ class Design:
 
     fitted: Float[np.ndarray, "n p"]
     alternatives: Sequence[Alternative]
-    truths: Mapping[str, Float[np.ndarray, "n 1"]]
+    truths: Mapping[str, Mapping[int, Float[np.ndarray, "n 1"]]]
     family: Sequence[Noise]
     free_forms: Sequence[Alternative] = ()
     temperature: Float[np.ndarray, " reading"] | None = None
@@ -54,7 +55,7 @@ def dma_design(problem: DmaProblem) -> Design:
     return Design(
         fitted,
         visible(problem.directions(every_shape(DMA_CAUSES)), fitted),
-        {name: truth.directions / projected_length(truth.directions, fitted) for name, truth in truths.items()},
+        {name: {1: truth.directions / projected_length(truth.directions, fitted)} for name, truth in truths.items()},
         noise_family(problem.orderings(), problem.frequencies()),
     )
 
@@ -100,12 +101,12 @@ def _limits_of(design: Design, strengths: Sequence[float], family: Sequence[Nois
     noise = rng.standard_normal((fitted.shape[0], drawn))
     evidence = _projections(screen) if len(family) == 1 else lambda data: -screen.statistics(data).log_p
     threshold = np.quantile(evidence(noise).max(axis=0), 1.0 - _LEVEL)
-    for name, truth in design.truths.items():
+    for name, truths in design.truths.items():
         if name not in owners:  # the constants imitate it: it can be detected by chance only
             yield from ((d_prime, name, {"detected": _LEVEL, "first": 0.0}) for d_prime in strengths)
             continue
         for d_prime in strengths:
-            seen = evidence(d_prime * truth + noise)
+            seen = np.concatenate([evidence(d_prime * truth + noise) for truth in truths.values()], axis=1)
             detected, first = seen.max(axis=0) > threshold, owners[seen.argmax(axis=0)] == name
             yield d_prime, name, {"detected": float(np.mean(detected)), "first": float(np.mean(first))}
 

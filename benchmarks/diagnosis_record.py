@@ -5,8 +5,11 @@ rates of none. A record of one earlier code can still be summed up, which the pa
 """
 
 import argparse
+import ast
 import hashlib
+import io
 import json
+import tokenize
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,12 +24,35 @@ FIRST_TEST_SEED = 900_000
 code that was changed after a look at it begins beyond all seeds that were looked at."""
 
 
+REPORTING = (
+    "inverse/diagnosis/gain.py",
+    "inverse/diagnosis/report.py",
+    "inverse/diagnosis/where.py",
+    "inverse/diagnosis/hmi/gain.py",
+)
+"""Files that tell what was decided, and decide nothing: no record depends on them."""
+
+
 def stamp(patterns: Sequence[str]) -> str:
-    """Of all files that patterns below the repository's root match: changes with any of them."""
+    """Of all files that patterns below the repository's root match, but for `REPORTING`: changes with their code."""
     found = hashlib.sha256()
-    for path in sorted({path for pattern in patterns for path in ROOT.glob(pattern)}):
-        found.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    paths = {path for pattern in patterns for path in ROOT.glob(pattern)}
+    for path in sorted(paths - {ROOT / name for name in REPORTING}):
+        found.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + code_in(path.read_text()).encode() + b"\0")
     return found.hexdigest()[:12]
+
+
+def code_in(source: str) -> str:
+    """Lines of a module without comments, docstrings and blank ones, which change nothing that it does."""
+    lines = source.splitlines()
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            row, column = token.start
+            lines[row - 1] = lines[row - 1][:column]
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            lines[node.lineno - 1 : node.end_lineno] = [""] * (node.end_lineno - node.lineno + 1)
+    return "\n".join(line.rstrip() for line in lines if line.strip())
 
 
 def arguments(description: str | None, *, out: str, sets: int) -> argparse.ArgumentParser:
@@ -86,8 +112,9 @@ def recorded(
 
 
 def code_of(lines: Sequence[dict[str, Any]], made_by: str) -> str:
-    """Which code made a record, in a sentence; nothing if it is this one."""
+    """Which code made a record, and from which seeds, in two sentences; the third if it is not the present code."""
     (found,) = {line.get("stamp") for line in lines} or {made_by}
-    if found == made_by:
-        return ""
-    return f"The code was changed since (it had the stamp {found}, it has {made_by}): CHANGELOG.md says in what."
+    seeds = [line["seed"] for line in lines]
+    said = f"Seeds from {min(seeds)} to {max(seeds)}. " if seeds else ""
+    said += f"The code that the rates depend on has the stamp {made_by}."
+    return said if found == made_by else f"{said} It was changed since: it had {found}. CHANGELOG.md says in what."

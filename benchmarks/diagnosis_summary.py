@@ -54,7 +54,10 @@ def summarise(
             for d, of_d in known.items()
         },
         "null": {
-            noise: rate([line["verdict"] in DETECTED for line in part])
+            noise: {
+                "alarm": rate([line["verdict"] in DETECTED for line in part]),
+                "noise-model": rate([line["verdict"] == "noise-model" for line in part]),
+            }
             for noise, part in _grouped((ln for ln in lines if ln["part"] == "null"), lambda ln: ln["noise"]).items()
         },
         **{part: _strange([line for line in lines if line["part"] == part]) for part in ("unknown", "removed")},

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from benchmarks import acoustics, diagnosis, diagnosis_hmi, diagnosis_hmi_fast, inference, mechanics, protocols
-from benchmarks.diagnosis_docs import DMA_STUDY, HMI_STUDY, write_docs
+from benchmarks.diagnosis_docs import DMA_STUDY, HMI_STUDY, Bound, write_docs
 from benchmarks.diagnosis_limits import Design, projected_length, removed_limits
-from benchmarks.diagnosis_record import arguments, code_of, recorded, stamp
+from benchmarks.diagnosis_record import arguments, code_in, code_of, recorded, stamp
 from benchmarks.diagnosis_summary import NO_DATA, rate, summarise
+from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.noise import noise_family, series
 from inverse.diagnosis.screening import Alternative
 
@@ -111,11 +112,29 @@ def test_records_of_other_code_are_not_added_to_but_summed_up_and_said_to_be(tmp
         recorded(lambda *_: {}, todo, given, "that")
     given.minutes = 0.0
     assert recorded(lambda *_: pytest.fail("only summed up"), todo, given, "that") == made
-    assert code_of(made, "this") == "" and "it had the stamp this, it has that" in code_of(made, "that")
+    assert code_of(made, "this") == "Seeds from 5 to 5. The code that the rates depend on has the stamp this."
+    assert "has the stamp that. It was changed since: it had this." in code_of(made, "that")
     given.out.write_text(given.out.read_text() + '{"part": "null", "seed": 6, "stamp": "another"}\n')
     with pytest.raises(SystemExit, match="made by one code"):
         recorded(lambda *_: {}, todo, given, "that")
     assert stamp(["tests/test_benchmarks.py"]) != stamp(["tests/test_benchmarks.py", "benchmarks/spread.py"])
+
+
+def test_a_record_depends_on_code_and_not_on_what_is_said_about_it():
+    with_words = '"""A module."""\nx = "#1"  # one\n\n\ndef f():\n    """Twice\n    x."""\n    return x\n'
+    assert code_in(with_words) == 'x = "#1"\ndef f():\n    return x' == code_in(code_in(with_words))
+    assert code_in(with_words.replace("#1", "#2")) != code_in(with_words)
+    assert stamp(["inverse/diagnosis/report.py"]) == stamp([]) != stamp(["inverse/diagnosis/decision.py"])
+
+
+def test_seeds_of_a_condition_do_not_run_into_those_of_the_next():
+    with pytest.raises(SystemExit, match="ask for fewer"):
+        diagnosis.planned(25, True)
+
+
+def test_nothing_is_met_by_so_few_sets_that_none_may_fail():
+    assert [Bound(lower=99.0).sets, Bound(upper=5.0).sets, Bound(92.0, 98.0).sets] == [100, 20, 13]
+    assert Bound(92.0, 98.0).met(95.0) and not Bound(92.0, 98.0).met(99.0) and not Bound(upper=5.0).met(5.1)
 
 
 def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_path):
@@ -123,7 +142,7 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
     one = always | {"name": "slip", "verdict": "named", "named": ["slip"], "confusable": [], "possible": ["slip"]}
     other = one | {"verdict": "unexplained", "named": [], "possible": [], "covered": False}
     lines = [
-        *({"part": "known", "d_prime": d} | line for d in (4.5, 6.0) for line in 3 * (one, one, one, other)),
+        *({"part": "known", "d_prime": d} | line for d in (4.5, 6.0) for line in 5 * (one, one, one, other)),
         *({"part": "null", "d_prime": 0.0} | line for line in (one, *[one | {"verdict": "adequate"}] * 3)),
         *({"part": part, "d_prime": d} | other for part in ("unknown", "removed") for d in (5.0, 9.0)),
     ]
@@ -132,13 +151,14 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
     left = {"stand-in": "sweep-drift", "left": 4.0, "noise known": 0.99, "noise unknown": 0.9}
     summary = {"seeds": "test", **summarise(lines, limit, {"9": {"slip": left}})}
     assert summary["all known"]["4.5"]["unexplained, if detected"]["rate"] == 0.25
+    assert summary["null"]["white"]["alarm"]["rate"] == 0.25 and summary["null"]["white"]["noise-model"]["rate"] == 0.0
     write_docs(summary, tmp_path, DMA_STUDY)
     page = (tmp_path / DMA_STUDY.page).read_text()
     assert (
         "| d' = 4.5: detected, at least 93, or 3 below the limit | 100.0" in page
-        and "| 97.0 | 94.0 | 12 | yes |" in page
+        and "| 97.0 | 94.0 | 20 | yes |" in page
     )
-    assert "called unexplained, at most 5 | 25.0" in page and "| 12 | no |" in page
+    assert "of those detected, unexplained, at most 5 | 25.0" in page and "| 20 | no |" in page
     # Of one data set, nothing is met or not.
     assert "wrongly named, at most 5 | 0.0 ± 25.0 |  |  | 1 | too few |" in page
     assert "| 9 | slip | sweep-drift | 4.0 | 99 | 90 |" in page
@@ -163,7 +183,7 @@ def test_page_of_displacement_needs_no_limit_of_removed_causes(tmp_path):
 
 
 def linear_design() -> Design:
-    """Two causes, along temperature and along time, one fitted constant and a factor of each sonication."""
+    """Two causes, along temperature and, of either sign, along time; one constant and a factor of each sonication."""
     sonication = np.repeat(np.arange(3), [14, 19, 24])
     temperature = 37.0 + 2.0 * np.concatenate([np.arange(n) for n in (14, 19, 24)])
     directions = {"perfusion": np.sin(temperature / 6.0), "output-drift": np.cos(temperature / 4.0 + sonication)}
@@ -175,15 +195,24 @@ def linear_design() -> Design:
     family = noise_family((series("time", sonication.tolist(), temperature),), temperature)
     return Design(
         fitted=fitted,
-        alternatives=[Alternative(name, effect, 1) for name, effect in effects.items()],
-        truths={name: effect / projected_length(effect[:-1], fitted[:-1]) for name, effect in effects.items()},
+        alternatives=[
+            *(Alternative(name, effect, 1) for name, effect in effects.items()),
+            Alternative("output-drift", effects["output-drift"], -1),
+        ],
+        truths={
+            name: {sign: sign * effect / projected_length(effect[:-1], fitted[:-1]) for sign in (1, -1)}
+            for name, effect in effects.items()
+        },
         family=[one.extended(1) for one in family],
         free_forms=[Alternative("at-61", np.append(temperature == 61.0, 0.0)[:, None])],
         temperature=temperature,
     )
 
 
-@pytest.mark.parametrize(("part", "name"), [("known", "perfusion"), ("null", "none"), ("removed", "perfusion")])
+@pytest.mark.parametrize(
+    ("part", "name"),
+    [("known", "perfusion"), ("known", "output-drift"), ("null", "none"), ("removed", "perfusion")],
+)
 def test_linear_sets_find_an_effect_and_spare_noise(part, name):
     condition = diagnosis_hmi.Condition(part, name, 0.0 if part == "null" else 15.0)
     lines = diagnosis_hmi_fast.some_sets([linear_design()], condition, range(10))
@@ -196,6 +225,11 @@ def test_linear_sets_find_an_effect_and_spare_noise(part, name):
     else:
         assert all(name not in [line["first"], *line["possible"]] for line in lines)
         assert all(line["verdict"] in ("adequate", "unexplained") for line in lines)
+
+
+def test_effects_hidden_with_either_sign_are_looked_for_with_either():
+    either = {cause.name for cause in HMI_CAUSES if cause.sign == 0}
+    assert set(diagnosis_hmi.blind.BOTH_WAYS) <= either
 
 
 def test_linear_sets_are_planned_with_seeds_of_their_own():

@@ -6,6 +6,7 @@ import typer
 
 import arfjax
 from inverse.commands.calibrate import calibrate
+from inverse.commands.causes import causes_command
 from inverse.commands.design import design_command
 from inverse.commands.diagnose import diagnose_command
 from inverse.commands.field import field_command
@@ -39,6 +40,7 @@ app.command()(calibrate)
 app.command("fit-dma")(fit_dma)
 app.command("diagnose")(diagnose_command)
 app.command("design")(design_command)
+app.command("causes")(causes_command)
 app.command("infer")(infer_command)
 app.command("fit-heating")(fit_heating_command)
 app.command()(reproduce)

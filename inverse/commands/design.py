@@ -78,7 +78,11 @@ def design_command(
             command="design",
             inputs={kind: path for kind, path in given.items() if path is not None},
             seed=seed,
-            settings={"model": model.value, "causes": wanted, "check": check},
+            settings={
+                "causes": wanted,
+                "check": check,
+                **({} if dma is None else {"model": model.value, "trust_units": trust_units}),
+            },
             results={"best": found.rated[0].proposal.name, "probability_right": found.rated[0].separation.worst},
         )
     rows = [

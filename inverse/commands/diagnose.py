@@ -113,13 +113,19 @@ def diagnose_command(
         write_summary(
             folder,
             command="diagnose",
-            inputs={**parts, **({} if experiment is None else {"experiment": experiment})},
+            inputs={**parts, **({} if experiment is None or hmi is None else {"experiment": experiment})},
             seed=seed,
-            settings={"model": model.value, "causes": [c.name for k in parts for c in chosen[k]], "level": level},
+            settings={
+                "causes": [cause.name for kind in parts for cause in chosen[kind]],
+                "level": level,
+                **({} if dma is None else {"model": model.value, "trust_units": trust_units}),
+            },
             results=results,
         )
     for kind, one in found.items():
         _show(one, out / places[kind])
+    if experiment is not None and hmi is None:
+        show_lines([f"{experiment}: plays no part in the diagnosis of a DMA"])
 
 
 def _require_readable(

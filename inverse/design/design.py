@@ -65,11 +65,18 @@ class Check:
         hidden: Cause that was put in.
         verdict: Of the diagnosis.
         named: Causes that it named.
+        confusable: Causes that it cannot tell apart.
     """
 
     hidden: str
     verdict: str
     named: tuple[str, ...]
+    confusable: tuple[str, ...]
+
+
+def checked(hidden: str, again: Diagnosis) -> Check:
+    """What a diagnosis says of a simulation with a cause in it."""
+    return Check(hidden, again.verdict, again.named, tuple(name for names in again.confusable for name in names))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,16 +84,18 @@ class Design:
     """What to measure next.
 
     Attributes:
+        verdict: Of the diagnosis of the data that there are.
         causes: That are to be told apart, with the strengths that the data give them.
         now: What the data tell that there are.
         rated: Proposals, the best first; none where none could be rated.
         checks: Of the best one, by simulation; empty if not asked for.
         size: Standard deviation of the noise that was assumed, relative.
         seed: Of random orders and simulations.
-        notes: What was left out, and why.
+        notes: Why these causes, where the diagnosis does not ask for them; what was left out, and why.
         information: Where a single further reading of a DMA would tell most; None if not asked for, and for curves.
     """
 
+    verdict: str
     causes: dict[str, float]
     now: Separation
     rated: tuple[Rated, ...]
@@ -117,9 +126,7 @@ def alive(
     for name in wanted:
         if name not in known:
             raise InputError(f"causes: these data cannot see '{name}'; they see {', '.join(known) or 'none'}.")
-    names = list(wanted) or [
-        one.cause.name for one in found.causes if one.status in ("named", "confusable", "possible")
-    ]
+    names = list(wanted) or _in_question(found)
     if len(names) < 2:
         names = list(dict.fromkeys([*names, *known]))[:2]
     if len(names) < 2:
@@ -130,6 +137,32 @@ def alive(
     # What would be found is no smaller than what can be.
     strengths = np.array([max(abs(one.estimate), one.detectability) * _sign(one) for one in reports])
     return extensions, strengths
+
+
+def _in_question(found: Diagnosis) -> list[str]:
+    return [one.cause.name for one in found.causes if one.status in ("named", "confusable", "possible")]
+
+
+def reasons(found: Diagnosis, wanted: Sequence[str], taken: Sequence[str]) -> tuple[str, ...]:
+    """Why these causes, where neither somebody nor the diagnosis asked for two of them.
+
+    Args:
+        found: The diagnosis.
+        wanted: Names that were asked for.
+        taken: Names that `alive` gave.
+    """
+    left, listed = _in_question(found), " and ".join(taken)
+    if len(wanted) > 1 or (not wanted and len(left) > 1):
+        return ()
+    if wanted:
+        return (
+            f"Of {wanted[0]} alone nothing is to be told apart: {listed} were taken, the likeliest other beside it.",
+        )
+    if left:
+        return (f"The diagnosis leaves {left[0]} alone: {listed} were taken, the likeliest other beside it.",)
+    return (
+        f"The diagnosis says `{found.verdict}` and leaves no cause in question: {listed}, its likeliest, were taken.",
+    )
 
 
 def _sign(report: CauseReport) -> float:

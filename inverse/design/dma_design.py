@@ -8,7 +8,7 @@ from jaxtyping import Complex, Float
 
 from arfjax import FractionalZener, complex_modulus
 from inverse.datasets.dma import DmaData
-from inverse.design.design import Check, Design, Rated, alive
+from inverse.design.design import Design, Rated, alive, checked, reasons
 from inverse.design.dma_information import dma_information
 from inverse.design.dma_proposals import DmaProposal, dma_proposals
 from inverse.design.separation import Separation, separation
@@ -73,14 +73,17 @@ def design_dma(
             on_step(f"simulating {best.name} with {extension.cause.name}")
             simulated = _simulated(together, model, extension, strength, size, seed + 1 + number)
             again = diagnose_dma(simulated, model=model, causes=library, seed=seed, gain=False)
-            checks.append(Check(extension.cause.name, again.verdict, again.named))
+            checks.append(checked(extension.cause.name, again))
     names = {e.cause.name: float(s) for e, s in zip(extensions, strengths, strict=True)}
     information = None
     if locate:
         on_step("where one more reading tells most")
         pair = list(now.closest)
         information = dma_information(found.problem, [extensions[i] for i in pair], strengths[pair], size)
-    return Design(names, now, tuple(Rated(*one) for one in rated), tuple(checks), size, seed, (), information)
+    return Design(
+        found.verdict, names, now, tuple(Rated(*one) for one in rated), tuple(checks), size, seed,
+        reasons(found, causes, tuple(names)), information,
+    )  # fmt: skip
 
 
 def _separation(problem: DmaProblem, extensions, strengths, size: float) -> Separation:

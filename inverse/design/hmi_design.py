@@ -18,7 +18,7 @@ from jaxtyping import Float
 
 from arfjax import Effort, Experiment
 from inverse.datasets.hmi import HmiData
-from inverse.design.design import Check, Design, Rated, alive
+from inverse.design.design import Check, Design, Rated, alive, checked, reasons
 from inverse.design.hmi_proposals import HmiProposal, hmi_proposals
 from inverse.design.separation import Separation, separation
 from inverse.diagnosis.cause import Extension
@@ -124,7 +124,8 @@ def design_hmi(
     rated.sort(key=lambda one: -one[1].worst)
     checks = _checks(fitted, rated[0][0], library, seed, on_step) if check and rated else ()
     names = {e.cause.name: float(s) for e, s in zip(fitted.extensions, fitted.strengths, strict=True)}
-    return Design(names, now, tuple(Rated(*one) for one in rated), checks, fitted.size, seed, tuple(notes))
+    notes = (*reasons(found, causes, tuple(names)), *notes)
+    return Design(found.verdict, names, now, tuple(Rated(*one) for one in rated), checks, fitted.size, seed, notes)
 
 
 def _fitted(
@@ -210,7 +211,7 @@ def _checks(
         read = together.program.predict(unknowns) + fitted.size * rng.standard_normal(len(together.rows))
         simulated = dataclasses.replace(together, rows=dataclasses.replace(together.rows, log_displacement=read))
         again = diagnose_curves(simulated, corrected=False, causes=library, seed=seed, gain=False)
-        checks.append(Check(hidden, again.verdict, again.named))
+        checks.append(checked(hidden, again))
     return tuple(checks)
 
 

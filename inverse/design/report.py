@@ -11,7 +11,7 @@ from inverse.design.dma_information import Information
 from inverse.design.separation import Separation
 from inverse.software import versions
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """Of design.json; keys do not change without a new number."""
 _TWENTY_TO_ONE = 3.0
 """Nat."""
@@ -22,6 +22,7 @@ def as_json(design: Design) -> dict[str, Any]:
     """What design.json holds."""
     return {
         "schema_version": SCHEMA_VERSION,
+        "verdict": design.verdict,
         "causes": design.causes,
         "now": _separation(design.now),
         "proposals": [
@@ -37,7 +38,15 @@ def as_json(design: Design) -> dict[str, Any]:
         ],
         "reading": _reading(design),
         "notes": list(design.notes),
-        "checks": [{"hidden": one.hidden, "verdict": one.verdict, "named": list(one.named)} for one in design.checks],
+        "checks": [
+            {
+                "hidden": one.hidden,
+                "verdict": one.verdict,
+                "named": list(one.named),
+                "confusable": list(one.confusable),
+            }
+            for one in design.checks
+        ],
         "noise": design.size,
         "seed": design.seed,
         "versions": versions(),
@@ -159,9 +168,12 @@ def report(design: Design, name: str, figures: Sequence[str] = ()) -> str:
     lines += [f"![{figure}]({figure})" for figure in figures] + [""] + _information(design.information)
     lines += [line for note in design.notes for line in (note, "")]
     if design.checks:
-        lines += [f"## {best.proposal.name}, simulated and diagnosed again", "", "| put in | verdict | named |"]
+        lines += [f"## {best.proposal.name}, simulated and diagnosed again", "", "| put in | verdict | said |"]
         lines += ["| --- | --- | --- |"]
-        lines += [f"| {one.hidden} | {one.verdict} | {', '.join(one.named) or '-'} |" for one in design.checks]
+        lines += [
+            f"| {one.hidden} | {one.verdict} | {', '.join(one.named) or ' or '.join(one.confusable) or '-'} |"
+            for one in design.checks
+        ]
         lines += [""]
     return "\n".join(lines)
 

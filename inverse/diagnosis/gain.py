@@ -32,7 +32,9 @@ class Gain:
     Attributes:
         split: How the data were left out, in words.
         rmse_before: Root mean square of the held-out relative differences without the extension [1].
+        rmse_before_error: Standard error of that, from the scatter of the blocks.
         rmse_after: The same with it.
+        rmse_after_error: Standard error of that.
         log_score_gain: Mean gain in log predictive density per datum [nat].
         standard_error: Of that mean, from the scatter of the blocks.
         unfinished: Refits that did not converge; their scores are in the mean.
@@ -40,7 +42,9 @@ class Gain:
 
     split: str
     rmse_before: float
+    rmse_before_error: float
     rmse_after: float
+    rmse_after_error: float
     log_score_gain: float
     standard_error: float
     unfinished: int
@@ -88,10 +92,15 @@ def held_out_gain(
     counts = np.array([len(a[0]) for a in after])
     member = np.array([fold.group for fold in folds])
     per_group = np.array([np.sum(gains[member == one]) / np.sum(counts[member == one]) for one in groups])
+    together = [np.flatnonzero(member == one) for one in groups]
+    rmse_before, rmse_before_error = root_mean_square([np.concatenate([before[i][0] for i in own]) for own in together])
+    rmse_after, rmse_after_error = root_mean_square([np.concatenate([after[i][0] for i in own]) for own in together])
     return Gain(
         split=split,
-        rmse_before=root_mean_square([b[0] for b in before]),
-        rmse_after=root_mean_square([a[0] for a in after]),
+        rmse_before=rmse_before,
+        rmse_before_error=rmse_before_error,
+        rmse_after=rmse_after,
+        rmse_after_error=rmse_after_error,
         log_score_gain=float(np.sum(gains) / np.sum(counts)),
         standard_error=float(np.std(per_group, ddof=1) / np.sqrt(len(groups))),
         unfinished=sum(one[2] for one in scored),
@@ -204,7 +213,11 @@ def _score(refit: Refit, noise: Noise, unknowns: Float[np.ndarray, " unknown"], 
     return plain[scored] / weights.ravel()[scored], float(np.sum(density))
 
 
-def root_mean_square(parts: Sequence[Float[np.ndarray, " _"]]) -> float:
-    """Of several blocks together."""
-    together = np.concatenate(parts)
-    return float(np.sqrt(np.mean(together**2)))
+def root_mean_square(parts: Sequence[Float[np.ndarray, " _"]]) -> tuple[float, float]:
+    """Of several blocks together, and its standard error from their scatter."""
+    mean = float(np.mean(np.concatenate(parts) ** 2))
+    of_parts, sizes = np.array([np.mean(part**2) for part in parts]), np.array([len(part) for part in parts])
+    # Of a ratio: each block counts by the number of its data.
+    apart = sizes * (of_parts - mean) / np.mean(sizes)
+    scatter = np.sqrt(np.sum(apart**2) / (len(parts) * (len(parts) - 1)))
+    return float(np.sqrt(mean)), float(scatter / (2.0 * np.sqrt(mean))) if mean > 0.0 else 0.0

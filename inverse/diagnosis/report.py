@@ -6,10 +6,11 @@ from typing import Any
 from inverse.diagnosis.decision import SET_LEVEL, UNEXPLAINED_LEVEL
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
+from inverse.diagnosis.where import Absorbed
 from inverse.output import finite
 from inverse.software import versions
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 """Of diagnosis.json; keys do not change without a new number."""
 
 _VERDICTS = {
@@ -43,7 +44,7 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
         ],
         "gain": None if found.gain is None else vars(found.gain),
         "noise": None if found.noise is None else {**vars(found.noise), "words": found.noise.describe()},
-        "where": [{"words": one.words, "share": one.share, "p_value": one.p_family} for one in found.places[:_PLACES]],
+        "where": [{"words": one.words, "share": one.share, "p_value": one.p_family} for one in _once(found.places)],
         "whiteness": [vars(one) for one in found.residuals_whiteness],
         "unexplained": unexplained(found),
         "audit": list(found.audit),
@@ -56,6 +57,14 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
 
 
 _PLACES = 5
+
+
+def _once(places: Sequence[Absorbed]) -> list[Absorbed]:
+    """The likeliest; of a coarse and a fine form of the same words the likelier."""
+    found: dict[str, Absorbed] = {}
+    for one in places:
+        found.setdefault(one.words, one)
+    return list(found.values())[:_PLACES]
 
 
 def unexplained(found: Diagnosis) -> str | None:
@@ -90,9 +99,10 @@ def report(found: Diagnosis, name: str, figures: Sequence[str], apart: Sequence[
         ]
     lines += [f"- {note}" for note in found.account.notes]
     lines += ["", *found.account.facts(found.in_question), *(f"![{figure}]({figure})" for figure in figures), ""]
-    lines += _named(found, apart) + _table(found) + _where(found) + _noise(found) + _hidden(found)
+    # Before any physics is blamed: whether the fit is sound, and the noise what one would take it for.
     if found.audit:
         lines += ["## What the fits say about themselves", "", *(f"- {remark}" for remark in found.audit), ""]
+    lines += _noise(found) + _named(found, apart) + _table(found) + _where(found) + _hidden(found)
     return "\n".join(lines)
 
 
@@ -123,7 +133,8 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
         lines += [
             "",
             f"With {names} in the model, differences from data that were left out ({gain.split}) go "
-            f"from {100.0 * gain.rmse_before:.3g} to {100.0 * gain.rmse_after:.3g} % (root mean square); the log "
+            f"from {_percent(gain.rmse_before, gain.rmse_before_error)} to "
+            f"{_percent(gain.rmse_after, gain.rmse_after_error)} % (root mean square); the log "
             f"score {course} by {abs(gain.log_score_gain):.3g} ± {gain.standard_error:.2g} nat a datum. A gain proves "
             f"no cause: wrong ones gain, too, in most cases. The name rests on the tests.",
             f"{gain.unfinished} of the refits did not converge." if gain.unfinished else "",
@@ -131,6 +142,10 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
             *_shift(found),
         ]
     return ["## What is wrong", "", *lines, ""] if lines else []
+
+
+def _percent(value: float, error: float) -> str:
+    return f"{100.0 * value:.3g} ± {100.0 * error:.2g}"
 
 
 def _shift(found: Diagnosis) -> list[str]:
@@ -190,10 +205,9 @@ def _p(value: float, least: float, equal: str = "") -> str:
 
 def _where(found: Diagnosis) -> list[str]:
     lines = ["## Where", "", "| free correction | share of the misfit that it absorbs | p |", "| --- | ---: | ---: |"]
-    # Of a coarse and a fine form of the same words the likelier.
-    places = list({one.words: one for one in reversed(found.places)}.values())[::-1]
+    places = _once(found.places)
     least = found.decision.last.least_p if found.decision is not None else 0.0
-    lines += [f"| {one.words} | {100.0 * one.share:.0f} % | {_p(one.p_family, least)} |" for one in places[:_PLACES]]
+    lines += [f"| {one.words} | {100.0 * one.share:.0f} % | {_p(one.p_family, least)} |" for one in places]
     lines += ["", "| neighbours along | correlation of residuals | p |", "| --- | ---: | ---: |"]
     lines += [f"| {one.along} | {one.correlation:+.2f} | {one.p_value:.3g} |" for one in found.residuals_whiteness]
     return [*lines, ""] if found.places else []
@@ -215,7 +229,7 @@ def _noise(found: Diagnosis) -> list[str]:
         ]
     if not gate.as_thought:
         lines += [
-            "The tests above do not need white noise: its size, its course and its tails were fitted to these data."
+            "The tests below do not need white noise: its size, its course and its tails were fitted to these data."
         ]
     return ["## The noise", "", *lines, ""]
 

@@ -52,12 +52,12 @@ def absorbed_by_places(
     residuals: Float[np.ndarray, " n"],
     fitted: Float[np.ndarray, "n p"],
 ) -> tuple[Absorbed, ...]:
-    """Free forms by how improbable they are, with what each absorbs."""
+    """Free forms by how improbable they are among all alternatives, then by themselves, with what each absorbs."""
     words = {place.name: place.words for place in places}
     basis = independent(fitted)
     left = residuals - basis @ (basis.T @ residuals)
     found = []
-    for row in np.argsort(tested.log_p):
+    for row in np.lexsort((tested.log_p, tested.p_family)):
         alternative = tested.alternatives[row]
         if alternative.name not in words:
             continue

@@ -44,10 +44,14 @@ def held_out_gain_hmi(noise: Noise, *, size: float, null: HmiFit, extended: HmiF
             found.append(_score(fit, noise, left_out))
     gains = np.array([a[1] - b[1] for a, b in zip(after, before, strict=True)])
     counts = np.array([len(a[0]) for a in after])
+    rmse_before, rmse_before_error = root_mean_square([b[0] for b in before])
+    rmse_after, rmse_after_error = root_mean_square([a[0] for a in after])
     return Gain(
         split=split,
-        rmse_before=root_mean_square([b[0] for b in before]),
-        rmse_after=root_mean_square([a[0] for a in after]),
+        rmse_before=rmse_before,
+        rmse_before_error=rmse_before_error,
+        rmse_after=rmse_after,
+        rmse_after_error=rmse_after_error,
         log_score_gain=float(np.sum(gains) / np.sum(counts)),
         standard_error=float(np.std(gains / counts, ddof=1) / np.sqrt(len(folds))),
         unfinished=int(lost),

@@ -74,10 +74,11 @@ def test_constants_of_one_frequency_do_not_predict_the_sweep_and_the_reason_is_n
 @pytest.mark.slow
 @pytest.mark.timeout(SLOWEST)
 def test_keys_of_the_interface(found):
-    assert set(found) == set(KEYS) and found["schema_version"] == 3
+    assert set(found) == set(KEYS) and found["schema_version"] == 4
     assert all(set(CAUSE_KEYS) <= set(cause) for cause in found["causes"])
     assert set(found["omnibus"]) == {"statistic", "p_value"}
     assert {"split", "rmse_before", "rmse_after", "log_score_gain", "standard_error"} <= set(found["gain"])
+    assert 0.0 < found["gain"]["rmse_after_error"] < found["gain"]["rmse_before_error"]
     assert all(set(one) == {"name", "why", "what_would_help"} for one in found["not_testable"])
 
 
@@ -98,6 +99,8 @@ def test_only_the_causes_that_are_asked_for(tmp_path):
     found = json.loads((out / "diagnosis.json").read_text())
     assert {cause["name"] for cause in found["causes"]} == {"slip", "drying"}
     assert found["seed"] == 4 and found["level"] == 0.01 and found["not_testable"] == []
+    settings = json.loads((out / "summary.json").read_text())["settings"]
+    assert settings == {"causes": ["slip", "drying"], "level": 0.01, "model": "fractional", "trust_units": False}
 
 
 def test_unknown_cause(tmp_path, capsys):

@@ -10,6 +10,7 @@ from arfjax import InputError
 from inverse.commands.main import run
 from inverse.datasets.dma import read_dma
 from inverse.design import design_dma
+from inverse.design.design import reasons
 from inverse.design.dma_information import dma_information
 from inverse.design.dma_proposals import dma_proposals
 from inverse.design.separation import separation
@@ -96,6 +97,7 @@ def test_command_writes_what_it_found_and_the_promise_is_kept(file, tmp_path):
     arguments = ["design", "--dma", str(file), "--causes", ",".join(LIKE), "--out", str(out), "--seed", "5"]
     assert run(arguments) == 0
     content = json.loads((out / "design.json").read_text())
+    assert content["schema_version"] == 3 and content["verdict"] in ("named", "confusable", "unexplained")
     best = content["proposals"][0]
     assert best["probability_right"] > content["now"]["probability_right"]
     assert [one["hidden"] for one in content["checks"]] == list(LIKE)
@@ -117,10 +119,26 @@ def test_what_nothing_can_be_designed_by_is_refused(file, found):
     with pytest.raises(InputError, match="these data see fewer than two"):
         design_dma(data, found=dataclasses.replace(found, causes=found.causes[:1]))
     twice = design_dma(data, found=found, causes=("slip", "slip", "drying"), check=False, locate=False)
-    assert twice.now.names == ("slip", "drying") and twice.information is None
+    assert twice.now.names == ("slip", "drying") and twice.information is None and twice.notes == ()
     failed = dataclasses.replace(found, verdict="fit-failure", noise=None, causes=())
     with pytest.raises(InputError, match="the fit of these data failed"):
         design_dma(data, found=failed)
+
+
+def test_why_these_causes_is_said_where_the_diagnosis_does_not_ask_for_them(found):
+    def at_rest(kept):
+        causes = tuple(
+            dataclasses.replace(one, status="possible" if place < kept else "not needed")
+            for place, one in enumerate(found.causes)
+        )
+        return dataclasses.replace(found, verdict="named" if kept else "adequate", causes=causes)
+
+    first, second = (one.cause.name for one in found.causes[:2])
+    (nothing,) = reasons(at_rest(0), (), (first, second))
+    assert "says `adequate` and leaves no cause in question" in nothing and f"{first} and {second}" in nothing
+    assert f"leaves {first} alone" in reasons(at_rest(1), (), (first, second))[0]
+    assert reasons(at_rest(2), (), (first, second)) == () == reasons(at_rest(0), (first, second), (first, second))
+    assert f"Of {second} alone" in reasons(at_rest(2), (second,), (second, first))[0]
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import inverse
 from arfjax import InputError
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES, DmaCause, dma_diagnosis
-from inverse.diagnosis.report import report
+from inverse.diagnosis.report import as_json, report
 from inverse.figures.residuals import residuals_figure
 from tests.blind import dma_generator as blind
 
@@ -118,5 +118,26 @@ def test_what_is_left_is_drawn_against_every_coordinate_with_the_correction_of_n
     assert figure.get_suptitle() == f"line: {correction.words}"
 
 
-def test_the_library_is_the_default():
-    assert len(DMA_CAUSES) >= 14
+def test_of_two_forms_of_the_same_words_the_likelier_is_shown_at_its_place(file):
+    """Its less likely twin, beyond those that are shown, does not take it away."""
+    found = inverse.diagnose(file, causes=["slip"], gain=False).details
+    places = [
+        dataclasses.replace(found.places[0], words=words, share=share)
+        for words, share in [("here", 0.9), ("b", 0.8), ("c", 0.7), ("d", 0.6), ("e", 0.5), ("f", 0.4), ("here", 0.3)]
+    ]
+    content = as_json(dataclasses.replace(found, places=tuple(places)))
+    assert [(one["words"], one["share"]) for one in content["where"]] == [
+        ("here", 0.9),
+        ("b", 0.8),
+        ("c", 0.7),
+        ("d", 0.6),
+        ("e", 0.5),
+    ]
+    written = report(dataclasses.replace(found, places=tuple(places)), "these data", [])
+    assert "| here | 90 % |" in written and "| e | 50 % |" in written and "| f |" not in written
+
+
+def test_the_library_is_the_default(file):
+    found = inverse.diagnose(file, gain=False).details
+    known = [one.cause.name for one in found.causes] + [one.name for one in found.not_testable]
+    assert sorted(known) == sorted(cause.name for cause in DMA_CAUSES) and len(known) >= 14

@@ -9,7 +9,7 @@ from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.dma_problem import dma_problem
-from inverse.diagnosis.gain import _folds, held_out_gain, sample_groups, temperature_groups
+from inverse.diagnosis.gain import _folds, held_out_gain, root_mean_square, sample_groups, temperature_groups
 from inverse.diagnosis.noise import noise_family
 from inverse.dma_fit import FRACTIONAL
 from tests.blind import dma_generator as blind
@@ -69,6 +69,14 @@ def test_gain_of_the_hidden_cause_and_none_of_one_that_is_not_there(drifting):
     assert gain is not None and gain.log_score_gain > 0.0 and gain.unfinished == 0
     assert gain.rmse_after < gain.rmse_before
     assert gain.rmse_after == pytest.approx(blind.NOISE, rel=0.6)
+
+
+def test_error_of_a_root_mean_square_is_that_of_its_scatter():
+    """Of Gaussian numbers it is one over the root of twice their number; from forty blocks, known to a tenth each."""
+    rng = np.random.default_rng(1)
+    told = [root_mean_square(np.split(rng.standard_normal(800), np.arange(10, 800, 20))) for _ in range(50)]
+    assert np.mean([error for _, error in told]) == pytest.approx(1.0 / np.sqrt(2.0 * 800), rel=0.06)
+    assert np.mean([value for value, _ in told]) == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * 800 * 50))
 
 
 def test_frequencies_are_left_out_where_temperatures_are_few(tmp_path):

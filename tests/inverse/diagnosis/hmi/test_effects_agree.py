@@ -45,7 +45,7 @@ FULL, FAST = 1.0, 0.5 * DETECTABLE
 """Largest d' of the difference. One standard deviation between two meshes is what noise hides; half of what is found is
 what the fast simulation may be off before it is corrected."""
 BEYOND = {"thermocouple-position": "off by 2.30 in the fast simulation"}
-"""Known to miss that, by a little: not on every machine, maybe."""
+"""Known to miss that, by a little."""
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,7 @@ def test_without_an_effect_both_simulate_the_same_curve(bench):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.xfail(reason=BEYOND[name], strict=False)) if name in BEYOND else name
+        pytest.param(name, marks=pytest.mark.xfail(reason=BEYOND[name])) if name in BEYOND else name
         for name in STRENGTHS
     ],
 )
