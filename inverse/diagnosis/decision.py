@@ -7,9 +7,9 @@ r"""From statistics to a verdict, at stated error rates.
    form has to be `FREE_FORM_HANDICAP` times as improbable as a cause.
 2. *Which cause?* Every cause that could be the one is put into the model, and everything else is tested again: a cause
    after which nothing is left stays possible: a true one that is tried is left out with probability `SET_LEVEL`.
-3. *Two causes?* Where one does not do, the likeliest causes of what it leaves that have `NEEDED` there are put in beside
-   it, and everything else is tested once more. A pair counts only if each is so strong beside the other that it would be seen
-   alone (`NEEDED`): two wrong causes take much of what a third leaves.
+3. *Two causes?* Where one does not do, the likeliest causes of what it leaves that have `NEEDED` there are put in
+   beside it, and everything else is tested once more. A pair counts only if each is so strong beside the other that it
+   would be seen alone (`NEEDED`): two wrong causes take much of what a third leaves.
 4. *No cause?* If not even the best leaves the rest inconspicuous at `UNEXPLAINED_LEVEL` (a pair: at `PAIR_LEVEL`),
    the verdict is `unexplained`, never the nearest name. Which causes stay possible is said then, too: with a true one
    that happens in the share of data sets that lies between the two levels. A refit that did not converge explains
