@@ -133,7 +133,10 @@ class Bound:
     @property
     def sets(self) -> int:
         """Least number of which one may fail: of fewer nothing is said to be met or not."""
-        return math.ceil(100.0 / max(100.0 - self.lower if self.lower else self.upper, 1e-9))
+        if not self.lower:
+            return math.ceil(100.0 / self.upper)
+        sides = [100.0 - side for side in (self.lower, self.upper) if side < 100.0]
+        return math.ceil(100.0 / min(sides))
 
     def met(self, rate: float) -> bool:
         """Whether a rate is within."""
