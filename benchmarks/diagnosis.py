@@ -24,9 +24,10 @@ import jax
 import numpy as np
 
 import arfjax as ax
-from benchmarks.diagnosis_docs import DMA_STUDY, write_docs
+from benchmarks.diagnosis_docs import write_docs
 from benchmarks.diagnosis_limits import dma_design, limits, removed_limits
 from benchmarks.diagnosis_record import FIRST_TEST_SEED, arguments, code_of, recorded, stamp
+from benchmarks.diagnosis_studies import DMA_STUDY
 from benchmarks.diagnosis_summary import summarise
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES

@@ -1,7 +1,5 @@
 """The operating characteristic as a page of the documentation: one table of what is asked, tables of all, a figure."""
 
-import dataclasses
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,99 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from benchmarks.diagnosis_studies import Bound, Study
 from inverse.diagnosis.decision import SET_LEVEL, UNEXPLAINED_LEVEL
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
-
-
-@dataclasses.dataclass(frozen=True)
-class Study:
-    """What was studied, in words.
-
-    Attributes:
-        name: Of the page and of the figure, without endings.
-        title: Of the page.
-        command: That makes the page.
-        design: One data set.
-        kinds: Effects that are in no list.
-        remarks: On what the rates rest on.
-        data: Where the data sets come from.
-        gated: Whether the gate of the noise, which comes after the decision, is in it.
-    """
-
-    name: str
-    title: str
-    command: str
-    design: str
-    kinds: dict[str, str]
-    remarks: tuple[str, ...]
-    data: str = "of `tests/blind` "
-    gated: bool = False
-
-    @property
-    def page(self) -> str:
-        """File of the page."""
-        return f"{self.name}.md"
-
-    @property
-    def picture(self) -> str:
-        """File of the figure."""
-        return f"{self.name}.png"
-
-
-DMA_STUDY = Study(
-    name="operating_characteristic",
-    title="How often the diagnosis of a dynamic mechanical analysis is right",
-    command="python -m benchmarks.diagnosis --docs docs",
-    design="five temperatures, fourteen frequencies, complex modulus, 2 % noise, one hidden effect",
-    kinds={
-        "bump": "bump at one frequency",
-        "smooth": "smooth, common to all sweeps",
-        "mains": "one frequency",
-        "one-temperature": "one temperature",
-    },
-    remarks=(
-        "All data sets have one design. Others have other limits: see `detectability` in `diagnosis.json`.",
-        "Where what is hidden has a number that the diagnosis fixes, too, the hidden one may be the same: a resonance "
-        "has the quality 10 in both, loud noise triples above 40 Hz where the diagnosis looks for noise three times as "
-        "large from one of fourteen places on, and of both correlations 0.6 is one of those that it looks for, 0.3 is "
-        "between them.",
-        "The gate of the noise comes after this decision: how often it says `noise-model` is not in these rates.",
-    ),
-)
-HMI_STUDY = Study(
-    name="operating_characteristic_hmi",
-    title="How often the diagnosis of displacement is right",
-    command="python -m benchmarks.diagnosis_hmi --out benchmarks/records/diagnosis_hmi.jsonl --docs docs",
-    design="three sonications to 63, 73 and 83 degC, read every 2 degC, 1 % noise, one hidden effect, simulated with "
-    "the full solid on a mesh and time steps of its own",
-    kinds={"bump": "bump at one temperature", "smooth": "smooth along temperature"},
-    remarks=(
-        "All data sets have one design, six tissues, and the temperature that the thermocouple shows as the "
-        "coordinate: what changes heating or thermometer shows only through dose and times. See `detectability` in "
-        "`diagnosis.json`.",
-        "Where what is hidden has a number that the diagnosis fixes, too, the hidden one may be the same: bubbles come "
-        "over 2 K, softening over 4 K, and the wire takes 3 s in both.",
-    ),
-    gated=True,
-)
-LINEAR_HMI_STUDY = dataclasses.replace(
-    HMI_STUDY,
-    name="operating_characteristic_hmi_linear",
-    title="How often the decision about displacement is right, on linear data",
-    command="python -m benchmarks.diagnosis_hmi_fast --docs docs",
-    design="three sonications to 63, 73 and 83 degC, read every 2 degC, 1 % noise, one hidden effect, all of it linear "
-    "about three fits to simulated sonications in turn, constants drawn as they are believed. What is asked for is "
-    "asked of simulated data; met or not says here what the decision alone does",
-    remarks=(
-        "Causes are looked for and put in along the directions that their effects have about a fit, either sign by "
-        "itself: what bends, other meshes, refits and intervals of strengths are not in these rates (`python -m "
-        "benchmarks.diagnosis_hmi` has them in its rates, at minutes a data set). In loud noise beliefs weigh as in "
-        "quiet, a little kinder than in a fit.",
-        "The gate of the noise comes after this decision: how often it says `noise-model` is not in these rates.",
-    ),
-    data="",
-    gated=False,
-)
 
 _COLOURS = {"unexplained": "#2a7f62", "confusable": "#e0b04a", "named": "#c0392b", "not found": "#b8bcc2"}
 _WORDS = {
@@ -116,31 +24,6 @@ _UNKNOWN = "detected, noise unknown"
 _KNOWN_OR_NOT = ("noise known", "noise unknown")
 
 Rate = dict[str, float]
-
-
-@dataclasses.dataclass(frozen=True)
-class Bound:
-    """What is asked of a rate in percent.
-
-    Attributes:
-        lower: Least that it may be.
-        upper: Most that it may be.
-    """
-
-    lower: float = 0.0
-    upper: float = 100.0
-
-    @property
-    def sets(self) -> int:
-        """Least number of which one may fail: of fewer nothing is said to be met or not."""
-        if not self.lower:
-            return math.ceil(100.0 / self.upper)
-        sides = [100.0 - side for side in (self.lower, self.upper) if side < 100.0]
-        return math.ceil(100.0 / min(sides))
-
-    def met(self, rate: float) -> bool:
-        """Whether a rate is within."""
-        return self.lower <= rate <= self.upper
 
 
 def write_docs(summary: dict[str, Any], folder: Path, study: Study) -> None:

@@ -26,9 +26,10 @@ import jax
 import numpy as np
 
 import arfjax as ax
-from benchmarks.diagnosis_docs import HMI_STUDY, write_docs
+from benchmarks.diagnosis_docs import write_docs
 from benchmarks.diagnosis_limits import Design, limits, projected_length
 from benchmarks.diagnosis_record import arguments, code_of, recorded, stamp
+from benchmarks.diagnosis_studies import HMI_STUDY
 from benchmarks.diagnosis_summary import NO_DATA, summarise
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.datasets.shipped import shipped

@@ -27,10 +27,11 @@ import numpy as np
 from jaxtyping import Float
 
 import arfjax as ax
-from benchmarks.diagnosis_docs import LINEAR_HMI_STUDY, write_docs
+from benchmarks.diagnosis_docs import write_docs
 from benchmarks.diagnosis_hmi import SOURCES, STRENGTHS, Bench, Condition, conditions, design, prepared_bench
 from benchmarks.diagnosis_limits import Design, limits, projected_length
 from benchmarks.diagnosis_record import code_of, stamp
+from benchmarks.diagnosis_studies import LINEAR_HMI_STUDY
 from benchmarks.diagnosis_summary import summarise
 from benchmarks.spread import spread
 from inverse.diagnosis.decision import decide

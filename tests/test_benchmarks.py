@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from benchmarks import acoustics, diagnosis, diagnosis_hmi, diagnosis_hmi_fast, inference, mechanics, protocols
-from benchmarks.diagnosis_docs import DMA_STUDY, HMI_STUDY, Bound, write_docs
+from benchmarks.diagnosis_docs import write_docs
 from benchmarks.diagnosis_limits import Design, projected_length, removed_limits
 from benchmarks.diagnosis_record import arguments, code_in, code_of, recorded, stamp
+from benchmarks.diagnosis_studies import DMA_STUDY, HMI_STUDY, Bound
 from benchmarks.diagnosis_summary import NO_DATA, rate, summarise
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.noise import noise_family, series
