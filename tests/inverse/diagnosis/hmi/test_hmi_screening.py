@@ -144,6 +144,7 @@ def test_way_of_a_cause_that_gains_is_asked_of_the_full_simulation(problem):
     assert all(a is b for a, b in zip(rough, in_full(rough, blind, blind, family, 0.005), strict=True))
 
 
+@pytest.mark.slow
 def test_rough_fits_are_those_of_the_fast_simulation_as_it_is(problem, monkeypatch):
     """A correction about the fit without causes is right there and nowhere else."""
     hidden, null, effects, _ = looked_for_in(problem, DRIFT, 1.0, 0.005)

@@ -156,6 +156,7 @@ def test_profile_of_what_is_not_there_begins_at_nothing(problem):
     assert profiled(dataclasses.replace(fit, converged=False), white(fit.problem), 0.01).intervals is fit.intervals
 
 
+@pytest.mark.slow
 def test_ends_of_a_profile_are_those_of_the_full_simulation(problem):
     """By the fast one, coarse here and corrected where the fit is, the bound is missed by 40 % at the lower end."""
     noise, name = 0.005, "thermocouple-viscous-heating"
