@@ -152,7 +152,7 @@ def reasons(found: Diagnosis, wanted: Sequence[str], taken: Sequence[str]) -> tu
         taken: Names that `alive` gave.
     """
     left, listed = _in_question(found), " and ".join(taken)
-    if len(wanted) > 1 or (not wanted and len(left) > 1):
+    if len(set(wanted)) > 1 or (not wanted and len(left) > 1):
         return ()
     if wanted:
         return (
