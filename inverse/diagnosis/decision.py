@@ -164,6 +164,7 @@ def decide(
     extend: Callable[[Sequence[Alternative], Noise], Refitted] | None = None,
     level: float = 0.05,
     replicates: int = REPLICATES,
+    averaged: bool = False,
 ) -> Decision:
     """Diagnose residuals of a fit that is linear about its optimum.
 
@@ -178,13 +179,15 @@ def decide(
             join the fitted ones.
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that the levels are calibrated on.
+        averaged: Whether the replicates of the test of everything are in noise of all kinds, each as often as it is
+            likely: where data are so few that the likeliest is often another one than theirs.
     """
     names = list(dict.fromkeys(cause.name for cause in causes))
 
     def test(left, moved, remaining: Sequence[Alternative], handicap: float, *, whole: bool) -> Evidence:
         screen = Screen(moved, remaining, family)
         free = np.array([a.name not in names for a in screen.alternatives], dtype=bool)
-        return evidence(screen, left, rng, free, handicap, replicates, whole=whole)
+        return evidence(screen, left, rng, free, handicap, replicates, averaged=averaged and whole, whole=whole)
 
     def linearly(added: Sequence[Alternative], noise: Noise) -> Refitted:
         moved = np.concatenate([fitted, *(alternative.directions for alternative in added)], axis=1)
@@ -284,6 +287,7 @@ def evidence(
     handicap: float,
     replicates: int,
     *,
+    averaged: bool = False,
     whole: bool = True,
 ) -> Evidence:
     """Test everything at once, against replicates of noise alone.
@@ -295,14 +299,15 @@ def evidence(
         free: Which alternatives are free forms.
         handicap: How many times as improbable as a cause these have to be.
         replicates: How many.
+        averaged: Whether these are in noise of all kinds, each as often as it is likely, or in the likeliest.
         whole: If false, no more replicates are drawn once the p-value is clear: far above every level, or below.
     """
     found = screen.statistics(residuals[:, None])
-    noise, log_p = _noise_of_replicates(found, free), found.log_p
+    weights, log_p = _noise_of_replicates(screen, found, residuals, free, averaged=averaged), found.log_p
     calibrated = smallest = np.zeros((0, 0))
     while log_p.shape[1] <= replicates:
         count = replicates if whole else min(_BATCH, replicates + 1 - log_p.shape[1])
-        drawn = screen.replicate(residuals, noise, count, rng)
+        drawn = screen.replicate(residuals, weights, count, rng)
         log_p = np.concatenate([log_p, screen.statistics(drawn).log_p], axis=1)
         calibrated = _calibrated(log_p, free, handicap)
         smallest = np.min(calibrated, axis=0)
@@ -324,17 +329,31 @@ def evidence(
     )
 
 
-def _noise_of_replicates(found: Statistics, free: Bool[np.ndarray, " alternative"]) -> int:
-    """The noise member that goes with the likeliest cause; where there are none, the one without any alternative.
+def _noise_of_replicates(
+    screen: Screen,
+    found: Statistics,
+    residuals: Float[np.ndarray, " n"],
+    free: Bool[np.ndarray, " alternative"],
+    *,
+    averaged: bool,
+) -> Float[np.ndarray, " member"]:
+    """Share of the replicates in each kind of noise, judged with the likeliest cause in the model, if there is one.
 
     Without the effect in the model noise has to explain it, and a smooth one looks like noise that is correlated, in
     replicates of which large statistics are common: 87.5 of 100 effects of d' 4.5 were found so, 91.0 this way, with as
     many false alarms in noise of every kind (144 and 600 sets for development). With a free form in the model it is the
     other way round: many terms absorb correlated noise, and on replicates of white noise nothing is ever so large.
+
+    One kind alone is the wrong one where data are few: of 57 readings in noise correlated by 0.3, 8.3 of 100 sets were
+    false alarms, averaged 6.2, for 92.6 and 91.6 effects of d' 4.5 found (480 and 1020 sets for development). A dynamic
+    mechanical analysis knows its noise better and would lose more: 92.5 to 89.8 for 8.1 to 5.4 (186 sets each). What a
+    cause leaves is judged in the likeliest: averaged, 33 instead of 44 of 100 causes taken out were unexplained.
     """
-    if np.all(free):
-        return int(found.null_noise[0])
-    return int(found.noise[np.argmin(np.where(free, np.inf, found.log_p[:, 0])), 0])
+    cause = None if np.all(free) else int(np.argmin(np.where(free, np.inf, found.log_p[:, 0])))
+    if averaged:
+        return screen.noise_weights(residuals, cause)
+    member = found.null_noise[0] if cause is None else found.noise[cause, 0]
+    return (np.arange(len(screen.family)) == member).astype(float)
 
 
 def _calibrated(

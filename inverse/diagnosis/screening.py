@@ -26,7 +26,7 @@ from jaxtyping import Float, Int
 from scipy import stats
 
 from arfjax import InputError
-from inverse.diagnosis.noise import Noise
+from inverse.diagnosis.noise import LOG_PRIOR_OF_CORRELATION, Noise
 
 SIGNALS = (3.0, 6.0, 12.0)
 """Root of the sum of squares that a Gaussian process is expected to add, in standard deviations of the noise."""
@@ -186,18 +186,58 @@ class Screen:
             kept = np.where(better[None, :], left, kept)
         return best - first, member, kept
 
+    def noise_weights(self, residuals: Float[np.ndarray, " n"], row: int | None) -> Float[np.ndarray, " member"]:
+        """Probability of each noise member, all alike beforehand but for steps, with one alternative in the model.
+
+        Correlation is not paid for here: the penalty keeps one member from being chosen for what chance gives it, and
+        here none is chosen.
+
+        Args:
+            residuals: Of the fit.
+            row: Single alternative that takes what it can; without it, none does.
+        """
+        squares, parameters = _Squares(residuals[:, None]), self._fitted.shape[1]
+        place = None if row is None else int(np.sum(self._single[:row]))
+        found = []
+        for prepared in self._prepared:
+            rest = squares(prepared.noise) - np.sum((prepared.onto[:parameters] @ residuals) ** 2)
+            if place is not None:
+                along = prepared.onto[parameters + place] @ residuals
+                sign = self._signs[place, 0]
+                rest -= along**2 if sign == 0 else max(sign * along, 0.0) ** 2
+            paid = LOG_PRIOR_OF_CORRELATION if prepared.noise.correlation else 0.0
+            found.append(float(self._likelihood(prepared, rest)[0]) - paid)
+        weights = np.exp(np.array(found) - max(found))
+        return weights / np.sum(weights)
+
     def left_of(self, residuals: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Residuals without what the fitted parameters could take, all weighing the same."""
         return project_out(residuals[:, None], self._fitted)[:, 0]
 
     def replicate(
-        self, residuals: Float[np.ndarray, " n"], noise: int, count: int, rng: np.random.Generator
+        self,
+        residuals: Float[np.ndarray, " n"],
+        weights: Float[np.ndarray, " member"],
+        count: int,
+        rng: np.random.Generator,
     ) -> Float[np.ndarray, "n count"]:
         """Data as they would be if only noise were there: the residuals themselves, made white and drawn anew.
 
         Heavy tails stay what they are; drawn values change places and signs, so that no effect survives.
+
+        Args:
+            residuals: Of the fit.
+            weights: Share of the replicates in the noise of each member.
+            count: How many.
+            rng: For the draws.
         """
-        prepared = self._prepared[noise]
+        # Rounded in sum, not drawn: a single kind of noise takes nothing from the generator that it would not alone.
+        shares = np.diff(np.round(count * np.cumsum([0.0, *weights])).astype(int))
+        drawn = [self._drawn_anew(residuals, member, n, rng) for member, n in enumerate(shares.tolist()) if n]
+        return np.concatenate(drawn, axis=1)
+
+    def _drawn_anew(self, residuals, member: int, count: int, rng: np.random.Generator) -> Float[np.ndarray, "n count"]:
+        prepared = self._prepared[member]
         white = project_out(prepared.noise.whiten(residuals[:, None]), prepared.fitted)[:, 0]
         leverage = np.minimum(np.sum(prepared.fitted**2, axis=1), _HIGHEST_LEVERAGE)
         white = white / np.sqrt(1.0 - leverage)

@@ -73,7 +73,16 @@ def examine_hmi(
 
     looked_for = [one.alternative for one in rough]
     decision = decide(
-        residuals, fitted, looked_for, forms, family, rng, extend=extend, level=level, replicates=replicates
+        residuals,
+        fitted,
+        looked_for,
+        forms,
+        family,
+        rng,
+        extend=extend,
+        level=level,
+        replicates=replicates,
+        averaged=True,
     )
     return Examined(
         tuple(causes), residuals, fitted, tuple(seen), not_testable, tuple(places), family, decision, refits

@@ -142,7 +142,7 @@ def test_finds_the_noise_that_is_there():
 def test_replicates_keep_size_and_tails_and_lose_the_effect():
     data = 3.0 * np.random.default_rng(3).standard_t(4, N) + 20.0 * CAUSE[:, 0]
     screen = Screen(FITTED, [Alternative("one", CAUSE)], WHITE)
-    drawn = screen.replicate(data, 0, 4000, np.random.default_rng(4))
+    drawn = screen.replicate(data, np.ones(1), 4000, np.random.default_rng(4))
     basis = independent(FITTED)
     left = data - basis @ (basis.T @ data)
     leverage = np.sum(basis**2, axis=1)
