@@ -76,3 +76,20 @@ def test_replicates_have_the_noise_that_goes_with_the_likeliest_cause(causes):
     assert family[found.null_noise].correlation > 0.0
     correlated = np.array([one.correlation > 0.0 for one in family])
     assert drawn and all((np.sum(weights[correlated]) < 0.5) == bool(causes) for weights in drawn)
+
+
+def test_noise_is_averaged_only_where_everything_is_tested(monkeypatch):
+    """What a cause leaves would look like noise of some kind too often."""
+    kinds, replicate = [], Screen.replicate
+
+    def spied(self, residuals, weights, count, rng):
+        kinds.append(np.count_nonzero(weights))
+        return replicate(self, residuals, weights, count, rng)
+
+    monkeypatch.setattr(Screen, "replicate", spied)
+    family = noise_family((series("time", [0] * N, POSITION),), POSITION)
+    for averaged in (False, True):
+        kinds.clear()
+        found = decide(WAVE, FITTED, CAUSES, [], family, np.random.default_rng(1), averaged=averaged)
+        assert found.named == ("wave",) and (kinds[0] > 1) == averaged
+        assert len(kinds) > 1 and set(kinds[1:]) == {1}

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from inverse.diagnosis.noise import noise_family, series
+from inverse.diagnosis.noise import LOG_PRIOR_OF_STEP, noise_family, series
 from inverse.diagnosis.screening import SIGNALS, Alternative, Screen, independent, visibility, visible_columns
 from inverse.diagnosis.where import absorbed
 
@@ -51,9 +51,13 @@ def test_white_noise_gives_the_t_of_regression():
 STEPPED = next(n for n in FULL if n.correlation == 0.6 and n.step > 1.0)
 
 
+def covariance_root(member):
+    """What makes noise of this kind of white noise."""
+    return member.colour(np.eye(N))
+
+
 def covariance_of(member):
-    """From what makes noise of this kind of white noise."""
-    root = member.colour(np.eye(N))
+    root = covariance_root(member)
     return root @ root.T
 
 
@@ -152,6 +156,39 @@ def test_replicates_keep_size_and_tails_and_lose_the_effect():
         abs(np.mean(t)) < 4.0 / np.sqrt(4000) * np.std(t)
         and abs(screen.statistics(data[:, None]).statistic[0, 0]) > 20.0
     )
+
+
+@pytest.mark.parametrize("effect", [None, 0, 1])
+def test_noise_is_weighed_by_its_likelihood_with_the_effect_in_the_model(effect):
+    """From the definition; the effect of the first sign is there, and of the other one nothing can be taken."""
+    data = 3.0 * CAUSE[:, 0] + covariance_root(STEPPED) @ np.random.default_rng(6).standard_normal(N)
+    alternatives = [Alternative("free", GROUP), Alternative("up", CAUSE, 1), Alternative("down", CAUSE, -1)]
+    screen = Screen(FITTED, alternatives, FULL)
+    found = screen.noise_weights(data, None if effect is None else effect + 1)
+    contrasts = np.linalg.qr(FITTED, mode="complete")[0][:, FITTED.shape[1] :]
+    expected = []
+    for member in FULL:
+        covariance = covariance_of(member)
+        along = contrasts @ np.linalg.solve(contrasts.T @ covariance @ contrasts, contrasts.T @ CAUSE[:, 0])
+        strength = max(along @ data / (along @ CAUSE[:, 0]), 0.0) if effect == 0 else 0.0
+        log_prior = LOG_PRIOR_OF_STEP * (member.step != 1.0)
+        expected.append(restricted_log_likelihood(data - strength * CAUSE[:, 0], covariance) + log_prior)
+    expected = np.exp(np.array(expected) - max(expected))
+    np.testing.assert_allclose(found, expected / np.sum(expected), rtol=1e-8, atol=1e-12)
+
+
+def test_replicates_are_of_each_kind_in_its_share():
+    """Those of the first member alone are what they would be without the others."""
+    data, weights = np.random.default_rng(7).standard_normal(N), np.zeros(len(FULL))
+    loudest = np.argmax([member.step for member in FULL])
+    weights[[0, loudest]] = 0.75, 0.25
+    screen = Screen(FITTED, [Alternative("one", CAUSE)], FULL)
+    mixed = screen.replicate(data, weights, 400, np.random.default_rng(8))
+    white = Screen(FITTED, [Alternative("one", CAUSE)], WHITE)
+    np.testing.assert_array_equal(mixed[:, :300], white.replicate(data, np.ones(1), 300, np.random.default_rng(8)))
+    louder = FULL[loudest].log_deviation > 0.0
+    ratio = np.std(mixed[louder, 300:]) / np.std(mixed[~louder, 300:])
+    assert mixed.shape == (N, 400) and ratio == pytest.approx(FULL[loudest].step, rel=0.08)
 
 
 def test_visibility():
