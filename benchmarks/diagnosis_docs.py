@@ -243,8 +243,7 @@ def _known(summary: dict[str, Any]) -> list[str]:
         ]
         for name, one in [*summary["known"][d].items(), ("**all**", summary["all known"][d])]:
             cells = [
-                f"{_words(one['detected'])} ({100.0 * one['limit']['detected']:.0f})",
-                f"{_words(one['first'])} ({100.0 * one['limit']['first']:.0f})",
+                *(f"{_words(one[key])} ({_limit(one, key)})" for key in ("detected", "first")),
                 _words(one["possible, if detected"]),
                 _words(one["unexplained, if detected"]),
                 _words(one["wrongly named, if detected"]),
@@ -255,6 +254,10 @@ def _known(summary: dict[str, Any]) -> list[str]:
             lines.append(f"| {name} | {' | '.join(cells)} |")
         lines.append("")
     return lines
+
+
+def _limit(one: dict[str, Any], key: str) -> str:
+    return f"{100.0 * one['limit'][key]:.0f}" if "limit" in one else "–"
 
 
 def _nothing(summary: dict[str, Any], gated: bool) -> list[str]:

@@ -75,22 +75,24 @@ def limits(designs: Sequence[Design], strengths: Sequence[float]) -> Limits:
     """Detected and ranked first: by the largest projection with the noise known, by likelihood ratio with it unknown.
 
     Args:
-        designs: The limit is the mean over them.
+        designs: The limit is the mean over those that can show a cause.
         strengths: d'.
 
     Returns:
         By d', then by cause.
     """
-    found: Limits = {}
+    of_designs: dict[tuple[str, str, str], list[float]] = {}
     for number, design in enumerate(designs):
         for members, ending, drawn in (
             (design.family[:1], "", _DRAWN),
             (design.family, ", noise unknown", _DRAWN_UNKNOWN),
         ):
             for d_prime, name, part in _limits_of(design, strengths, members, drawn, number):
-                into = found.setdefault(f"{d_prime:g}", {}).setdefault(name, {})
                 for key, value in part.items():
-                    into[key + ending] = into.get(key + ending, 0.0) + value / len(designs)
+                    of_designs.setdefault((f"{d_prime:g}", name, key + ending), []).append(value)
+    found: Limits = {}
+    for (d_prime, name, key), values in of_designs.items():
+        found.setdefault(d_prime, {}).setdefault(name, {})[key] = float(np.mean(values))
     return found
 
 
@@ -102,8 +104,7 @@ def _limits_of(design: Design, strengths: Sequence[float], family: Sequence[Nois
     evidence = _projections(screen) if len(family) == 1 else lambda data: -screen.statistics(data).log_p
     threshold = np.quantile(evidence(noise).max(axis=0), 1.0 - _LEVEL)
     for name, truths in design.truths.items():
-        if name not in owners:  # the constants imitate it: it can be detected by chance only
-            yield from ((d_prime, name, {"detected": _LEVEL, "first": 0.0}) for d_prime in strengths)
+        if name not in owners:  # a diagnosis lists it as one that these data cannot show
             continue
         for d_prime in strengths:
             seen = np.concatenate([evidence(d_prime * truth + noise) for truth in truths.values()], axis=1)

@@ -34,7 +34,7 @@ def summarise(
 
     Args:
         lines: One for each data set.
-        limit: From `limits`; empty where there are none.
+        limit: From `limits`; causes that its designs cannot show have none.
         removed: From `removed_limits`.
     """
     every, lines = lines, [line for line in lines if line["verdict"] != NO_DATA]
@@ -44,7 +44,7 @@ def summarise(
     return {
         "known": {
             d: {
-                name: _known(part) | ({"limit": limit[d][name]} if d in limit else {})
+                name: _known(part) | ({"limit": limit[d][name]} if name in limit.get(d, {}) else {})
                 for name, part in _grouped(of_d, _name).items()
             }
             for d, of_d in known.items()
@@ -102,7 +102,7 @@ def _strange(lines: Sequence[Line]) -> dict[str, Any]:
 
 
 def _mean_limit(lines: Sequence[Line], limit: dict[str, dict[str, float]]) -> dict[str, float]:
-    names = [line["name"] for line in lines]
+    names = [line["name"] for line in lines if line["name"] in limit]
     keys = next(iter(limit.values()), {})
     return {key: float(np.mean([limit[name][key] for name in names])) for key in keys}
 

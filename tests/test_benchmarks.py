@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import acoustics, diagnosis, diagnosis_hmi, diagnosis_hmi_fast, inference, mechanics, protocols
 from benchmarks.diagnosis_docs import write_docs
-from benchmarks.diagnosis_limits import Design, projected_length, removed_limits
+from benchmarks.diagnosis_limits import Design, limits, projected_length, removed_limits
 from benchmarks.diagnosis_record import arguments, code_in, code_of, recorded, stamp
 from benchmarks.diagnosis_studies import DMA_STUDY, HMI_STUDY, Bound
 from benchmarks.diagnosis_summary import NO_DATA, rate, summarise
@@ -89,7 +89,7 @@ def test_benchmark_of_the_diagnosis_goes_on_where_it_stopped(tmp_path, monkeypat
         lines = [json.loads(row) for row in out.read_text().splitlines()]
         assert len(lines) == len({line["seed"] for line in lines}) == 2 * count
     found = json.loads(out.with_suffix(".json").read_text())
-    assert found["null"]["white"]["sets"] == 4 and found["seeds"] == "development"
+    assert found["null"]["white"]["alarm"]["sets"] == 4 and found["seeds"] == "development"
     assert (tmp_path / "docs" / DMA_STUDY.picture).exists()
 
 
@@ -294,3 +294,19 @@ def test_a_stand_in_takes_what_is_like_it_and_leaves_no_more_than_there_was():
     assert found["second-relaxation"]["stand-in"] == "poroelastic-drainage"
     assert found["second-relaxation"]["left"] < 1.5 < 6.0 < found["slip"]["left"] < 9.2
     assert found["second-relaxation"]["noise known"] < 0.5 < found["slip"]["noise known"]
+
+
+def test_limit_of_a_cause_is_that_of_designs_that_can_show_it():
+    """One that the fit imitates in a design is none that a diagnosis could find there."""
+    rng = np.random.default_rng(3)
+    fitted, effect = rng.standard_normal((40, 3)), rng.standard_normal((40, 1))
+    order = series("time", [0] * 40, np.arange(40.0))
+    family = noise_family((order,), np.arange(40.0) + 1.0)[:1]
+    truths = {"seen": {1: effect / projected_length(effect, fitted)}}
+    shows = Design(fitted, [Alternative("seen", effect)], truths, family)
+    blind_to_it = Design(fitted, [Alternative("other", rng.standard_normal((40, 1)))], truths, family)
+    alone = limits([shows], [4.5])
+    assert limits([shows, blind_to_it], [4.5]) == alone and alone["4.5"]["seen"]["detected"] > 0.9
+    line = {"part": "known", "name": "seen", "verdict": "named", "noise": "white", "d_prime": 4.5, "first": "seen"}
+    line |= {"named": ["seen"], "confusable": [], "possible": ["seen"], "seconds": 1.0}
+    assert "limit" not in summarise([line], limits([blind_to_it], [4.5]))["known"]["4.5"]["seen"]

@@ -187,15 +187,22 @@ class Screen:
         return best - first, member, kept
 
     def noise_weights(self, residuals: Float[np.ndarray, " n"], row: int | None) -> Float[np.ndarray, " member"]:
-        """Probability of each noise member, all alike beforehand but for steps, with one alternative in the model.
+        """Probability of each noise member with one alternative in the model.
 
-        Correlation is not paid for here: the penalty keeps one member from being chosen for what chance gives it, and
-        here none is chosen.
+        Beforehand members are alike but for what a step costs. Correlation costs nothing: a cost keeps one member from
+        being chosen for what chance gives it, and here none is chosen (with it, replicates in noise correlated by 0.3
+        were white too often, and 6.9 instead of 6.2 of 100 development sets false alarms). In a family of many
+        correlations most of the probability beforehand is theirs.
 
         Args:
             residuals: Of the fit.
-            row: Single alternative that takes what it can; without it, none does.
+            row: Alternative of one direction that takes what it can; without it, none does.
+
+        Raises:
+            ValueError: if the alternative has several directions.
         """
+        if row is not None and not self._single[row]:
+            raise ValueError(f"{self.alternatives[row].name} has several directions; one of a single one was expected")
         squares, parameters = _Squares(residuals[:, None]), self._fitted.shape[1]
         place = None if row is None else int(np.sum(self._single[:row]))
         found = []

@@ -58,8 +58,9 @@ def test_a_refit_that_did_not_converge_explains_nothing(failing):
         assert found.verdict == "named" and found.named == ("wave",)
 
 
+@pytest.mark.parametrize("averaged", [False, True])
 @pytest.mark.parametrize("causes", [CAUSES, []])
-def test_replicates_have_the_noise_that_goes_with_the_likeliest_cause(causes):
+def test_replicates_have_the_noise_that_goes_with_the_likeliest_cause(causes, averaged):
     """A smooth effect looks like correlated noise to who leaves it out, and correlated noise hides smooth effects."""
     family = noise_family((series("time", [0] * N, POSITION),), POSITION)
     smooth = Alternative("smooth", np.cos(np.pi * np.arange(8) * POSITION[:, None]))
@@ -72,10 +73,15 @@ def test_replicates_have_the_noise_that_goes_with_the_likeliest_cause(causes):
 
     screen = Spied(FITTED, [*causes, smooth], family)
     free = np.array([one is smooth for one in screen.alternatives])
-    found = evidence(screen, WAVE, np.random.default_rng(1), free, 1.0, 20)
+    found = evidence(screen, WAVE, np.random.default_rng(1), free, 1.0, 20, averaged=averaged)
     assert family[found.null_noise].correlation > 0.0
     correlated = np.array([one.correlation > 0.0 for one in family])
     assert drawn and all((np.sum(weights[correlated]) < 0.5) == bool(causes) for weights in drawn)
+    best = found.best("wave")
+    expected = screen.noise_weights(WAVE, best)
+    if not averaged:
+        expected = np.eye(len(family))[found.null_noise if best is None else found.noises[best]]
+    np.testing.assert_array_equal(drawn[0], expected)
 
 
 def test_noise_is_averaged_only_where_everything_is_tested(monkeypatch):

@@ -158,23 +158,26 @@ def test_replicates_keep_size_and_tails_and_lose_the_effect():
     )
 
 
-@pytest.mark.parametrize("effect", [None, 0, 1])
+@pytest.mark.parametrize("effect", [None, "up", "down", "either"])
 def test_noise_is_weighed_by_its_likelihood_with_the_effect_in_the_model(effect):
     """From the definition; the effect of the first sign is there, and of the other one nothing can be taken."""
     data = 3.0 * CAUSE[:, 0] + covariance_root(STEPPED) @ np.random.default_rng(6).standard_normal(N)
-    alternatives = [Alternative("free", GROUP), Alternative("up", CAUSE, 1), Alternative("down", CAUSE, -1)]
-    screen = Screen(FITTED, alternatives, FULL)
-    found = screen.noise_weights(data, None if effect is None else effect + 1)
+    causes = [Alternative(name, CAUSE, sign) for name, sign in (("up", 1), ("down", -1), ("either", 0))]
+    screen = Screen(FITTED, [Alternative("free", GROUP), *causes], FULL)
+    names = [one.name for one in screen.alternatives]
+    found = screen.noise_weights(data, None if effect is None else names.index(effect))
     contrasts = np.linalg.qr(FITTED, mode="complete")[0][:, FITTED.shape[1] :]
     expected = []
     for member in FULL:
         covariance = covariance_of(member)
         along = contrasts @ np.linalg.solve(contrasts.T @ covariance @ contrasts, contrasts.T @ CAUSE[:, 0])
-        strength = max(along @ data / (along @ CAUSE[:, 0]), 0.0) if effect == 0 else 0.0
+        strength = max(along @ data / (along @ CAUSE[:, 0]), 0.0) if effect in ("up", "either") else 0.0
         log_prior = LOG_PRIOR_OF_STEP * (member.step != 1.0)
         expected.append(restricted_log_likelihood(data - strength * CAUSE[:, 0], covariance) + log_prior)
     expected = np.exp(np.array(expected) - max(expected))
     np.testing.assert_allclose(found, expected / np.sum(expected), rtol=1e-8, atol=1e-12)
+    with pytest.raises(ValueError, match="free has several directions"):
+        screen.noise_weights(data, names.index("free"))
 
 
 def test_replicates_are_of_each_kind_in_its_share():
@@ -188,7 +191,8 @@ def test_replicates_are_of_each_kind_in_its_share():
     np.testing.assert_array_equal(mixed[:, :300], white.replicate(data, np.ones(1), 300, np.random.default_rng(8)))
     louder = FULL[loudest].log_deviation > 0.0
     ratio = np.std(mixed[louder, 300:]) / np.std(mixed[~louder, 300:])
-    assert mixed.shape == (N, 400) and ratio == pytest.approx(FULL[loudest].step, rel=0.08)
+    alike = screen.replicate(data, np.full(len(FULL), 1.0 / len(FULL)), 100, np.random.default_rng(9))
+    assert mixed.shape == (N, 400) and alike.shape == (N, 100) and ratio == pytest.approx(FULL[loudest].step, rel=0.08)
 
 
 def test_visibility():
