@@ -43,7 +43,7 @@ SETS = {"known": 25, "null": 400, "unknown": 100, "removed": 10}
 DESIGNS = 3
 _AT_ONCE = 20
 _FIRST_SEED = {False: 1_100_000, True: 200}
-"""By whether they are for development. Test seeds below, from 600000, were looked at with earlier code, or others have them."""
+"""By whether they are for development. Test seeds below this were looked at with earlier code, or others have them."""
 
 
 def some_sets(designs: Sequence[Design], condition: Condition, seeds: Sequence[int]) -> list[dict[str, Any]]:

@@ -187,16 +187,10 @@ class Screen:
         return best - first, member, kept
 
     def noise_weights(self, residuals: Float[np.ndarray, " n"], row: int | None) -> Float[np.ndarray, " member"]:
-        """Probability of each noise member with one alternative in the model.
+        """Probability of each noise member with an alternative (`row`) in the model, if any.
 
-        Beforehand members are alike but for what a step costs. Correlation costs nothing: a cost keeps one member from
-        being chosen for what chance gives it, and here none is chosen (with it, replicates in noise correlated by 0.3
-        were white too often, and 6.9 instead of 6.2 of 100 development sets false alarms). In a family of many
-        correlations most of the probability beforehand is theirs.
-
-        Args:
-            residuals: Of the fit.
-            row: Alternative of one direction that takes what it can; without it, none does.
+        Beforehand members are alike, so that the many correlated ones have most of it, but for what a step costs.
+        Correlation costs nothing here: with it, 6.9 instead of 6.2 of 100 development sets were false alarms.
 
         Raises:
             ValueError: if the alternative has several directions.
