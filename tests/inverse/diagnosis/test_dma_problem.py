@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inverse.datasets.dma import dma_data
-from inverse.diagnosis import DMA_CAUSES
+from inverse.diagnosis import DMA_CAUSES, dma_examination
 from inverse.diagnosis.cause import Extension, every_shape
 from inverse.diagnosis.dma_diagnosis import repeats_of
 from inverse.diagnosis.dma_problem import dma_problem
@@ -52,6 +52,21 @@ def test_a_sweep_from_high_to_low_has_the_neighbours_of_one_from_low_to_high():
     mixed = np.array([3, 0, 5, 1, 4, 2])
     drawn = problem_of(np.repeat([20.0, 40.0], 6), np.tile(FREQUENCY[mixed], 2), np.arange(12.0))
     assert [one.name for one in drawn.orderings()] == ["frequency", "time"]
+
+
+def test_many_readings_are_judged_in_the_likeliest_noise(monkeypatch):
+    asked = []
+
+    def spied(*arguments, **options):
+        del arguments
+        asked.append(options.get("averaged", False))
+        raise InterruptedError
+
+    monkeypatch.setattr(dma_examination, "decide", spied)
+    problem = problem_of(np.repeat([20.0, 40.0], 6), np.tile(FREQUENCY, 2), np.arange(12.0))
+    with pytest.raises(InterruptedError):
+        dma_examination.examine_dma(problem, DMA_CAUSES, np.random.default_rng(1))
+    assert asked == [False]
 
 
 def test_no_gain_where_every_block_leaves_too_few_rows():

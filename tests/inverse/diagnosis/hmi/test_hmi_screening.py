@@ -53,6 +53,23 @@ def test_alternatives_are_the_effects_of_detectable_strengths(problem):
             np.testing.assert_allclose(one.directions[:, 0] * one.reach, change, atol=1e-10)
 
 
+def test_few_readings_are_judged_against_noise_of_all_kinds(problem, monkeypatch):
+    asked = []
+
+    def spied(*arguments, **options):
+        del arguments
+        asked.append(options["averaged"])
+        raise InterruptedError
+
+    monkeypatch.setattr(examination, "decide", spied)
+    monkeypatch.setattr(examination, "rough_fits_of", lambda *_, **options: [])
+    hidden, _ = measured_with(problem, "", 0.0, noise=0.01, seed=6)
+    null = fit_hmi(hidden, (), white(hidden), size=0.01)
+    with pytest.raises(InterruptedError):
+        examination.examine_hmi(HMI_CAUSES, null, np.random.default_rng(1), size=0.01)
+    assert asked == [True]
+
+
 def test_what_the_fit_leaves_of_an_effect_turns_little_from_shape_to_shape(problem):
     """Else an effect between two shapes looks like neither, and is not seen; the rule is that of `Cause.shapes`."""
     hidden, _ = measured_with(problem, "", 0.0, noise=0.01, seed=6)
