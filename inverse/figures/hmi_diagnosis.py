@@ -33,6 +33,10 @@ def hmi_diagnosis_figure(found: Diagnosis) -> Figure:
         axes[0, column].set_title(title, fontsize=9)
         axes[1, column].set_ylim(-largest, largest)
         axes[1, column].set_xlabel("temperature at the focus [degC]", fontsize=8)
+    # Both with the same scale, so that what the extension changes is what one sees.
+    bottoms, tops = zip(*(axis.get_ylim() for axis in axes[0, : len(stages)]), strict=True)
+    for axis in axes[0, : len(stages)]:
+        axis.set_ylim(min(bottoms), max(tops))
     axes[0, 0].set_ylabel("displacement [%]\n(100: simulated, coldest)", fontsize=8)
     axes[1, 0].set_ylabel("measured over\nsimulated [%]", fontsize=8)
     axes[0, 0].legend(fontsize=7, frameon=False, title="sonication", title_fontsize=7)

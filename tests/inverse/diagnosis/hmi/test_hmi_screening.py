@@ -22,6 +22,7 @@ from inverse.diagnosis.hmi.refit import fit_hmi
 from inverse.diagnosis.hmi.rough_fit import best_of_each, in_full
 from inverse.diagnosis.report import as_json
 from inverse.diagnosis.screening import Screen, independent, unit_columns
+from inverse.figures.hmi_diagnosis import hmi_diagnosis_figure
 from inverse.figures.residuals import residuals_figure
 from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, at_strength, curves, looked_for_in, measured_with, white
 
@@ -247,6 +248,16 @@ def test_what_is_left_of_curves_is_drawn_against_temperature_time_dose_and_sonic
         mine = np.flatnonzero(rows.sonication == sonication)
         assert np.all(np.diff(rows.dose[mine][np.argsort(rows.temperature[mine])]) >= 0.0)
     assert np.max(rows.dose[rows.temperature < 43.0]) < 1.0 and np.max(rows.dose) > 240.0
+
+
+def test_curves_without_and_with_a_cause_are_drawn_to_one_scale(problem):
+    hidden, null, *_ = looked_for_in(problem, DRIFT, 1.0, 0.005)
+    found = failed(HmiAccount(hidden, null), hidden, null.residuals, (), level=0.05, seed=0)
+    extended = fit_hmi(hidden, (Extension(named(DRIFT), 0.0),), white(hidden), size=0.005)
+    first, second, *_ = hmi_diagnosis_figure(dataclasses.replace(found, extended=extended)).axes
+    assert second.get_title() == "with output-drift" and first.get_ylim() == second.get_ylim()
+    drawn = np.concatenate([line.get_ydata() for axis in (first, second) for line in axis.lines])
+    assert first.get_ylim()[0] < drawn.min() < drawn.max() < first.get_ylim()[1]
 
 
 def test_report_of_correlated_noise_is_of_the_fit_in_that_noise(problem):
