@@ -1,6 +1,7 @@
 """Rows in the order of the measurement: visits of a temperature, neighbours, and folds that can be left out."""
 
 import dataclasses
+import inspect
 
 import numpy as np
 import pytest
@@ -55,11 +56,12 @@ def test_a_sweep_from_high_to_low_has_the_neighbours_of_one_from_low_to_high():
 
 
 def test_many_readings_are_judged_in_the_likeliest_noise(monkeypatch):
-    asked = []
+    asked, expected = [], inspect.signature(dma_examination.decide)
 
     def spied(*arguments, **options):
-        del arguments
-        asked.append(options.get("averaged", False))
+        given = expected.bind(*arguments, **options)
+        given.apply_defaults()
+        asked.append(given.arguments["averaged"])
         raise InterruptedError
 
     monkeypatch.setattr(dma_examination, "decide", spied)
