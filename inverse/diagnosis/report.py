@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from typing import Any
 
-from inverse.diagnosis.decision import SET_LEVEL, UNEXPLAINED_LEVEL
+from inverse.diagnosis.decision import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 from inverse.diagnosis.where import Absorbed
 from inverse.output import finite
 from inverse.software import versions
 
-SCHEMA_VERSION = 4
+SCHEMA_VERSION = 5
 """Of diagnosis.json; keys do not change without a new number."""
 
 _VERDICTS = {
@@ -34,6 +34,7 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
         "omnibus": {
             "statistic": omnibus.statistic if omnibus else None,
             "p_value": omnibus.p_value if omnibus else None,
+            "lead_of_free_forms": found.decision.lead if found.decision is not None else None,
         },
         "causes": [_cause(one) for one in found.causes],
         "named": list(found.named),
@@ -123,6 +124,7 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
             "is not rated.",
             "",
         ]
+    lines += _beyond_causes(found)
     text = unexplained(found)
     if text:
         lines += [f"What is left, without a name: {text}."]
@@ -142,6 +144,23 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
             *_shift(found),
         ]
     return ["## What is wrong", "", *lines, ""] if lines else []
+
+
+def _beyond_causes(found: Diagnosis) -> list[str]:
+    """Why nothing is named although a cause would leave nothing conspicuous."""
+    decision = found.decision
+    if decision is None or found.verdict != "unexplained" or decision.lead <= LEAD_OF_FREE_FORMS:
+        return []
+    near = [name for name in decision.possible if decision.candidates.get(name, 0.0) >= UNEXPLAINED_LEVEL]
+    lines = [
+        f"A correction of no name describes these data better than any one cause: by {decision.lead:.2g} nat, each "
+        f"against what noise alone gives its kind ({LEAD_OF_FREE_FORMS:g} are allowed).",
+        "",
+    ]
+    if near:
+        lines[0] += f" {' or '.join(near)} would leave nothing conspicuous, and {'are' if len(near) > 1 else 'is'} not "
+        lines[0] += "named for that."
+    return lines
 
 
 def _percent(value: float, error: float) -> str:
@@ -190,8 +209,9 @@ def _table(found: Diagnosis) -> list[str]:
         "",
         "p is for the whole family of causes and free forms, p alone for this cause by itself, p of the rest for what "
         "the model with it leaves, where it was put in. A cause is ruled out if what it leaves is conspicuous, and "
-        f"possible if that is unlikely (p below {UNEXPLAINED_LEVEL:g}) but not out of the question ({SET_LEVEL:g}), or "
-        'if its refit did not converge. "Would be seen from" is the strength of d\' = 4.5 in noise such as the model '
+        f"possible if that is unlikely (p below {UNEXPLAINED_LEVEL:g}) but not out of the question ({SET_LEVEL:g}), if "
+        "its refit did not converge, or if a correction of no name describes the data better than any cause. "
+        '"Would be seen from" is the strength of d\' = 4.5 in noise such as the model '
         "of the verdict leaves: found in 96 of 100 such "
         "data sets if noise and model were known, in fewer as they are not.",
         "",

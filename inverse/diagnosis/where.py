@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from inverse.diagnosis.decision import Evidence
+from inverse.diagnosis.evidence import Evidence
 from inverse.diagnosis.free_forms import Place
 from inverse.diagnosis.screening import SIGNALS, independent, shrunk, visible_columns
 

@@ -74,9 +74,9 @@ def test_constants_of_one_frequency_do_not_predict_the_sweep_and_the_reason_is_n
 @pytest.mark.slow
 @pytest.mark.timeout(SLOWEST)
 def test_keys_of_the_interface(found):
-    assert set(found) == set(KEYS) and found["schema_version"] == 4
+    assert set(found) == set(KEYS) and found["schema_version"] == 5
     assert all(set(CAUSE_KEYS) <= set(cause) for cause in found["causes"])
-    assert set(found["omnibus"]) == {"statistic", "p_value"}
+    assert set(found["omnibus"]) == {"statistic", "p_value", "lead_of_free_forms"}
     assert {"split", "rmse_before", "rmse_after", "log_score_gain", "standard_error"} <= set(found["gain"])
     assert found["gain"]["rmse_before_error"] > 0.0 and found["gain"]["rmse_after_error"] > 0.0
     assert all(set(one) == {"name", "why", "what_would_help"} for one in found["not_testable"])

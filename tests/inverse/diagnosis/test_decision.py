@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from inverse.diagnosis.decision import Refitted, decide, evidence
+from inverse.diagnosis.decision import LEAD_OF_FREE_FORMS, UNEXPLAINED_LEVEL, Refitted, decide
+from inverse.diagnosis.evidence import evidence
 from inverse.diagnosis.noise import noise_family, series
 from inverse.diagnosis.screening import Alternative, Screen
 
@@ -53,9 +54,61 @@ def test_a_refit_that_did_not_converge_explains_nothing(failing):
     found = decided(WAVE, extend)
     if failing == "wave":
         assert found.verdict == "unexplained" and found.named == () == found.confusable
-        assert "wave" in found.possible and found.candidates["wave"] > 0.06
+        assert "wave" in found.possible and found.candidates["wave"] > UNEXPLAINED_LEVEL
     else:
         assert found.verdict == "named" and found.named == ("wave",)
+
+
+def beside_a_wave(cosine):
+    """A unit direction at an angle to that of the cause and free of what is fitted, and noise that is free of both."""
+    basis = np.linalg.qr(np.column_stack([FITTED, CAUSES[0].directions, np.cos(23.0 * POSITION)]))[0]
+    wave = basis[:, 2] * np.sign(basis[:, 2] @ CAUSES[0].directions[:, 0])
+    noise = np.random.default_rng(5).standard_normal(N)
+    return cosine * wave + np.sqrt(1.0 - cosine**2) * basis[:, 3], wave, noise - basis @ (basis.T @ noise)
+
+
+def decided_beside_a_free_form(residuals, form, extend=None):
+    """As many free forms as causes, so that both pay alike for their number."""
+    others = [Alternative(f"ripple of {k:.0f}", np.cos(k * POSITION)[:, None]) for k in (31.0, 47.0)]
+    forms = [Alternative("ripple", form[:, None]), *others]
+    return decide(residuals, FITTED, CAUSES, forms, FAMILY, np.random.default_rng(1), extend=extend)
+
+
+NEAR = np.sqrt(1.0 - 0.25**2)
+"""Cosine at which the cause leaves a quarter."""
+
+
+def test_what_looks_more_like_a_free_form_than_like_any_cause_has_no_name():
+    """The cause nearest to it leaves two standard deviations of it, which is nothing conspicuous."""
+    ripple, _, noise = beside_a_wave(NEAR)
+    found = decided_beside_a_free_form(8.0 * ripple + noise, ripple)
+    assert found.candidates["wave"] > UNEXPLAINED_LEVEL and found.lead > LEAD_OF_FREE_FORMS
+    assert found.verdict == "unexplained" and found.named == () == found.confusable
+    assert found.possible == ("wave",) and found.last is found.omnibus
+
+
+def test_an_effect_that_is_a_cause_s_is_named_though_a_free_form_resembles_it():
+    ripple, wave, noise = beside_a_wave(NEAR)
+    found = decided_beside_a_free_form(8.0 * wave + noise, ripple)
+    assert found.omnibus.p_family[found.omnibus.free][0] < 0.05
+    assert found.lead < 0.0 and found.named == ("wave",)
+
+
+def test_a_large_effect_that_bends_away_from_its_direction_is_named():
+    """Its refit follows it, and says so; the direction about the null model alone falls behind the free form."""
+    ripple, _, noise = beside_a_wave(0.9)
+    data = 30.0 * ripple + noise
+
+    def extend(added, _):
+        moved = np.concatenate([FITTED, *(one.directions for one in added)], axis=1)
+        left = data - moved @ np.linalg.lstsq(moved, data)[0]
+        if added[0].name == "wave":
+            left, moved = noise, np.column_stack([FITTED, ripple])
+        return Refitted(left, moved, float(left @ left), CAUSES)
+
+    found = decided_beside_a_free_form(data, ripple, extend)
+    assert found.omnibus.lead_of_free_forms({}) > 10.0 and found.lead < LEAD_OF_FREE_FORMS
+    assert found.verdict == "named" and found.named == ("wave",)
 
 
 @pytest.mark.parametrize("averaged", [False, True])

@@ -99,6 +99,19 @@ def test_two_causes_are_called_two_and_sets_of_pairs_are_listed(file):
     assert "these do together: sweep-drift with slip; drying with slip" in several
 
 
+@pytest.mark.parametrize("lead", [0.4, 2.0])
+def test_it_is_said_that_a_cause_is_not_named_for_a_correction_that_describes_the_data_better(file, lead):
+    found = inverse.diagnose(file, causes=["slip"], gain=False).details
+    assert found.decision is not None
+    decision = dataclasses.replace(
+        found.decision, verdict="unexplained", explanations=(), candidates={"slip": 0.3}, lead=lead
+    )
+    found = dataclasses.replace(found, verdict="unexplained", decision=decision)
+    words = "any one cause: by 2 nat, each against what noise alone gives its kind (0.5 are allowed). slip would leave"
+    assert (words in report(found, "these data", [])) == (lead > 0.5)
+    assert as_json(found)["omnibus"]["lead_of_free_forms"] == lead
+
+
 def test_what_is_left_is_drawn_against_every_coordinate_with_the_correction_of_no_name(file):
     found = inverse.diagnose(file, causes=["slip"], gain=False).details
     found = dataclasses.replace(found, verdict="unexplained", extended=None)
