@@ -163,9 +163,9 @@ def page(summary: dict[str, Any], study: Study) -> str:
             *_without_data(summary),
             "What these rates rest on, and their limits:",
             "",
-            f"- A true cause is called `unexplained` if what it leaves is conspicuous at {100.0 * UNEXPLAINED_LEVEL:g} %, "
-            "or if noise and chance make a correction of no name describe the data better (of 232 development sets of "
-            f"DMA, one more). Causes that are not ruled out at {100.0 * SET_LEVEL:g} % are reported "
+            f"- A true cause is called `unexplained` if what it leaves is conspicuous at {100.0 * UNEXPLAINED_LEVEL:g} "
+            "%, or if noise makes a correction of no name describe the data better (of 232 development sets of DMA, "
+            f"one more). Causes that are not ruled out at {100.0 * SET_LEVEL:g} % are reported "
             "then, too, as `possible`; with them a true cause is kept.",
             "- An effect in no list that resembles a cause is named as that cause until what is left of it shows by "
             "itself. Of an effect at d' = 5 with a cosine of 0.7 to some cause, 3.6 are left: no test that spares true "

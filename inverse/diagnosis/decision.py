@@ -38,9 +38,9 @@ LEAD_OF_FREE_FORMS = 0.5
 """Nats by which the best free form may be more improbable as noise than any cause, each calibrated among its kind.
 
 What a wrong cause leaves of an effect of no name is often too little to be conspicuous, where the whole of it still
-looks more like a free form. Measured on development sets, without -> with this: of causes taken out of the list 55 -> 73
-of 100 were unexplained at d' = 9 (136 sets) and 15 -> 33 at d' = 5 (133), of true ones 3.9 -> 4.3 (232). On linear curves
-53 -> 62 of effects in no list, and as many true ones with as without."""
+looks more like a free form. Measured on development sets, without -> with this: of causes taken out of the list
+55 -> 73 of 100 were unexplained at d' = 9 (136 sets) and 15 -> 33 at d' = 5 (133), of true ones 3.9 -> 4.3 (232). On
+linear curves 53 -> 62 of effects in no list, and as many true ones with as without."""
 NEEDED = 4.5
 """t that each cause of a pair must have beside the other."""
 REPLICATES = 400
