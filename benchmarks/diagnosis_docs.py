@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.diagnosis_studies import Bound, Study
+from benchmarks.diagnosis_summary import SEEN
 from inverse.diagnosis.decision import SET_LEVEL, UNEXPLAINED_LEVEL
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 
@@ -159,7 +160,7 @@ def page(summary: dict[str, Any], study: Study) -> str:
             *_known(summary),
             *_nothing(summary, study.gated),
             *_strange(summary, study),
-            *_left(summary["removed limit"]),
+            *_left(summary["removed limit"], summary["removed, to be seen"]),
             *_without_data(summary),
             "What these rates rest on, and their limits:",
             "",
@@ -288,8 +289,14 @@ def _strange(summary: dict[str, Any], study: Study) -> list[str]:
     return lines
 
 
-def _left(limit: dict[str, dict[str, dict[str, Any]]]) -> list[str]:
-    """What a stand-in leaves of a missing cause."""
+def _left(limit: dict[str, dict[str, dict[str, Any]]], seen: dict[str, dict[str, Any]]) -> list[str]:
+    """What a stand-in leaves of a missing cause, and what became of those of which that is enough."""
+    enough = "; ".join(
+        f"d' = {d}: unexplained {_words(seen[d]['unexplained'])} %, named {_words(seen[d]['named'])} %, in a set of "
+        f"names {_words(seen[d]['confusable'])} % ({seen[d]['named']['sets']} sets)"
+        for d in sorted(seen, key=float)
+    )
+    said = f"Those of which who looks for the rest sees it in at least {100.0 * SEEN:g} of 100, the noise unknown: "
     rows = [
         f"| {d} | {name} | {one['stand-in']} | {one['left']:.1f} "
         f"| {100.0 * one['noise known']:.0f} | {100.0 * one['noise unknown']:.0f} |"
@@ -310,6 +317,7 @@ def _left(limit: dict[str, dict[str, dict[str, Any]]]) -> list[str]:
             "| ---: | --- | --- | ---: | ---: | ---: |",
             *rows,
             "",
+            *([f"{said}{enough}.", ""] if enough else []),
         ]
         if rows
         else []

@@ -8,6 +8,8 @@ import numpy as np
 Line = dict[str, Any]
 Rate = dict[str, float]
 DETECTED = ("named", "confusable", "unexplained")
+SEEN = 0.9
+"""Share of effects of no name that are to be unexplained."""
 """Verdicts that say that the simulation is wrong: of noise alone each is a false alarm. That the noise is another than
 one thought (`noise-model`) is none of them."""
 
@@ -62,6 +64,7 @@ def summarise(
         },
         **{part: _strange([line for line in lines if line["part"] == part]) for part in ("unknown", "removed")},
         "removed limit": removed or {},
+        "removed, to be seen": _to_be_seen(lines, removed or {}),
         "data sets": len(lines),
         "no such data": len(every) - len(lines),
         "not testable": _unseen([line for line in hidden if not _is_testable(line)]) | {"of": len(hidden)},
@@ -99,6 +102,13 @@ def _strange(lines: Sequence[Line]) -> dict[str, Any]:
             for kind, part in kinds.items()
         }
     return found
+
+
+def _to_be_seen(lines: Sequence[Line], removed: dict[str, dict[str, dict[str, Any]]]) -> dict[str, Any]:
+    """Causes taken out of which who knows what the best stand-in leaves would see it in `SEEN` of all."""
+    kept = {(d, name) for d, of_d in removed.items() for name, one in of_d.items() if one["noise unknown"] >= SEEN}
+    left = [line for line in lines if line["part"] == "removed" and (f"{line['d_prime']:g}", line["name"]) in kept]
+    return {d: one["all"] for d, one in _strange(left).items()}
 
 
 def _mean_limit(lines: Sequence[Line], limit: dict[str, dict[str, float]]) -> dict[str, float]:
