@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.diagnosis_studies import Bound, Study
 from benchmarks.diagnosis_summary import SEEN
-from inverse.diagnosis.decision import SET_LEVEL, UNEXPLAINED_LEVEL
+from inverse.diagnosis.decision import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 
 _COLOURS = {"unexplained": "#2a7f62", "confusable": "#e0b04a", "named": "#c0392b", "not found": "#b8bcc2"}
@@ -164,13 +164,14 @@ def page(summary: dict[str, Any], study: Study) -> str:
             *_without_data(summary),
             "What these rates rest on, and their limits:",
             "",
-            f"- A true cause is called `unexplained` if what it leaves is conspicuous at {100.0 * UNEXPLAINED_LEVEL:g} "
-            "%, or if noise makes a correction of no name describe the data better (of 232 development sets of DMA, "
-            f"one more). Causes that are not ruled out at {100.0 * SET_LEVEL:g} % are reported "
-            "then, too, as `possible`; with them a true cause is kept.",
-            "- An effect in no list that resembles a cause is named as that cause until what is left of it shows by "
-            "itself. Of an effect at d' = 5 with a cosine of 0.7 to some cause, 3.6 are left: no test that spares true "
-            "causes in 95 of 100 cases sees that reliably among all forms that an unknown effect may take.",
+            "- A true cause is called `unexplained` if what it leaves is conspicuous at "
+            f"{100.0 * UNEXPLAINED_LEVEL:g} %, and what any other cause or pair leaves is, too, or if noise makes a "
+            "correction of no name describe the data better than any one cause, by more than "
+            f"{LEAD_OF_FREE_FORMS:g} nat. Causes that are not ruled out at {100.0 * SET_LEVEL:g} % are reported then, "
+            "too, as `possible`; with them a true cause is kept.",
+            "- An effect in no list is named as a cause if that leaves nothing conspicuous, and no correction of no "
+            "name that is looked for describes it better. A cause that resembles it takes much of it: of an effect at "
+            "d' = 5 with a cosine of 0.7 to some cause, 3.6 are left.",
             *(f"- {remark}" for remark in study.remarks),
             "",
         ]
@@ -309,9 +310,10 @@ def _left(limit: dict[str, dict[str, dict[str, Any]]], seen: dict[str, dict[str,
             "",
             "On one design, without noise: the other cause that imitates it best, refitted in full (constants, "
             "strength and shape), and the d' that it leaves. The powers are those of somebody who looks for exactly "
-            "that rest, at the level of `unexplained`, with the noise known and unknown: more than a diagnosis knows, "
-            "so that one that looks for everything cannot reach them. Where little is left, the stand-in describes the "
-            "data, and its name is all that they allow.",
+            "that rest, at the level of `unexplained`, with the noise known and unknown: a diagnosis looks for "
+            "everything, and does not reach them. (It may find the whole effect unlike any cause where the rest by "
+            "itself is not conspicuous.) Where little is left, the stand-in describes the data, and its name is all "
+            "that they allow.",
             "",
             "| d' | taken out | best stand-in | d' left | seen, noise known [%] | seen, noise unknown [%] |",
             "| ---: | --- | --- | ---: | ---: | ---: |",

@@ -8,13 +8,13 @@ import numpy as np
 Line = dict[str, Any]
 Rate = dict[str, float]
 DETECTED = ("named", "confusable", "unexplained")
-SEEN = 0.9
-"""Share of effects of no name that are to be unexplained."""
 """Verdicts that say that the simulation is wrong: of noise alone each is a false alarm. That the noise is another than
 one thought (`noise-model`) is none of them."""
 
 NO_DATA = "no data"
 """In place of a verdict: in this tissue no strength has the wanted d', or none that there can be."""
+SEEN = 0.9
+"""Power above which what a stand-in leaves of a cause taken out is enough to be seen: as many are to be unexplained."""
 
 
 def rate(happened: Sequence[bool]) -> Rate:

@@ -164,7 +164,8 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
     assert "wrongly named, at most 5 | 0.0 ± 25.0 |  |  | 1 | too few |" in page
     assert "| 9 | slip | sweep-drift | 4.0 | 99 | 90 |" in page
     assert "at least 90 of 100, the noise unknown: d' = 9: unexplained 100.0 ± 25.0 %, named 0.0 ± 25.0 %" in page
-    assert summarise(lines, limit, {"9": {"slip": left | {"noise unknown": 0.89}}})["removed, to be seen"] == {}
+    others = {"slip": left | {"noise unknown": 0.89}, "drying": left}
+    assert summarise(lines, limit, {"9": others})["removed, to be seen"] == {}
     assert (tmp_path / DMA_STUDY.picture).stat().st_size > 10_000
 
 

@@ -61,6 +61,8 @@ class Evidence:
     def lead_of_free_forms(self, gained: Mapping[str, float]) -> float:
         """By how many nats the best free form is more improbable as noise than the best cause, each among its kind.
 
+        Any cause counts, one that is ruled out afterwards as well.
+
         Args:
             gained: By how much the refit with a cause is likelier than what was tested, the direction about the null
                 model: far from it, where an effect is large, the true one would fall behind corrections that bend.

@@ -1,5 +1,6 @@
 """A diagnosis in words and as JSON."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,7 +19,7 @@ _VERDICTS = {
     "named": "The model lacks one cause.",
     "two": "The model lacks two causes.",
     "confusable": "The model lacks something, and these data cannot tell which of several causes it is.",
-    "unexplained": "The model is wrong, and no named cause explains how.",
+    "unexplained": "The model is wrong, and no named cause explains how, or none as well as a correction of no name.",
     "noise-model": "The model is adequate, but the noise is not what one would take it for.",
     "fit-failure": "The fit itself failed; nothing is said about physics.",
 }
@@ -120,7 +121,7 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
     if any(" with " in one for one in together) and len(together) > 1:
         lines += [
             "",
-            f"No cause alone does; these do together: {'; '.join(together)}. What would separate sets of two "
+            f"No cause alone is the answer; these are together: {'; '.join(together)}. What would separate sets of two "
             "is not rated.",
             "",
         ]
@@ -147,20 +148,22 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
 
 
 def _beyond_causes(found: Diagnosis) -> list[str]:
-    """Why nothing is named although a cause would leave nothing conspicuous."""
+    """That a correction of no name describes the data better, and what is not named for that."""
     decision = found.decision
-    if decision is None or found.verdict != "unexplained" or decision.lead <= LEAD_OF_FREE_FORMS:
+    if decision is None or found.verdict != "unexplained":
         return []
-    near = [name for name in decision.possible if decision.candidates.get(name, 0.0) >= UNEXPLAINED_LEVEL]
-    lines = [
+    if not LEAD_OF_FREE_FORMS < decision.lead < math.inf:
+        return []
+    said = (
         f"A correction of no name describes these data better than any one cause: by {decision.lead:.2g} nat, each "
-        f"against what noise alone gives its kind ({LEAD_OF_FREE_FORMS:g} are allowed).",
-        "",
-    ]
+        f"against what noise alone gives its kind ({LEAD_OF_FREE_FORMS:g} are allowed)."
+    )
+    left = {one.cause.name: one.left for one in found.causes if one.converged and one.status == "possible"}
+    near = [name for name, p_value in left.items() if p_value is not None and p_value >= UNEXPLAINED_LEVEL]
     if near:
-        lines[0] += f" {' or '.join(near)} would leave nothing conspicuous, and {'are' if len(near) > 1 else 'is'} not "
-        lines[0] += "named for that."
-    return lines
+        who = near[0] if len(near) == 1 else f"Each of {', '.join(near)}"
+        said += f" {who} would leave nothing conspicuous, and is not named for that."
+    return [said, ""]
 
 
 def _percent(value: float, error: float) -> str:
@@ -210,7 +213,7 @@ def _table(found: Diagnosis) -> list[str]:
         "p is for the whole family of causes and free forms, p alone for this cause by itself, p of the rest for what "
         "the model with it leaves, where it was put in. A cause is ruled out if what it leaves is conspicuous, and "
         f"possible if that is unlikely (p below {UNEXPLAINED_LEVEL:g}) but not out of the question ({SET_LEVEL:g}), if "
-        "its refit did not converge, or if a correction of no name describes the data better than any cause. "
+        "its refit did not converge, or if a correction of no name describes the data better than any one cause. "
         '"Would be seen from" is the strength of d\' = 4.5 in noise such as the model '
         "of the verdict leaves: found in 96 of 100 such "
         "data sets if noise and model were known, in fewer as they are not.",

@@ -107,8 +107,43 @@ def test_a_large_effect_that_bends_away_from_its_direction_is_named():
         return Refitted(left, moved, float(left @ left), CAUSES)
 
     found = decided_beside_a_free_form(data, ripple, extend)
-    assert found.omnibus.lead_of_free_forms({}) > 10.0 and found.lead < LEAD_OF_FREE_FORMS
+    # Refit and free form take the same, so that they are alike.
+    assert found.omnibus.lead_of_free_forms({}) > 10.0 and abs(found.lead) < LEAD_OF_FREE_FORMS
     assert found.verdict == "named" and found.named == ("wave",)
+    lost = decided_beside_a_free_form(
+        data, ripple, lambda added, noise: dataclasses.replace(extend(added, noise), converged=False)
+    )
+    assert lost.lead == lost.omnibus.lead_of_free_forms({}) and lost.verdict == "unexplained"
+
+
+def test_a_refit_that_is_the_worse_fit_takes_nothing_from_its_cause():
+    ripple, wave, noise = beside_a_wave(NEAR)
+
+    def extend(added, _):
+        return dataclasses.replace(projected(added), misfit=1e6)
+
+    found = decided_beside_a_free_form(8.0 * wave + noise, ripple, extend)
+    assert found.lead == found.omnibus.lead_of_free_forms({})
+
+
+def test_a_free_form_has_to_be_more_improbable_than_a_cause():
+    """In the data alone that would be a penalty of replicates, and in these alone a gift."""
+    ripple, _, noise = beside_a_wave(NEAR)
+    screen = Screen(FITTED, [*CAUSES, Alternative("ripple", ripple[:, None])], FAMILY)
+    free = np.array([one.name == "ripple" for one in screen.alternatives])
+    alike, behind = (
+        evidence(screen, 3.0 * ripple + noise, np.random.default_rng(1), free, handicap, 400)
+        for handicap in (1.0, 10.0)
+    )
+    np.testing.assert_array_equal(alike.calibrated, behind.calibrated)
+    assert np.all(behind.p_family[free] > alike.p_family[free])
+    assert np.all(behind.p_family[~free] <= alike.p_family[~free])
+    # All of noise alone: where nothing is hidden one of twenty is as improbable, whatever the handicap.
+    nothing = [
+        evidence(screen, drawn, np.random.default_rng(1), free, 10.0, 100).p_value
+        for drawn in np.random.default_rng(8).standard_normal((100, N))
+    ]
+    assert 0 < np.sum(np.array(nothing) <= 0.05) <= 12
 
 
 @pytest.mark.parametrize("averaged", [False, True])

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 
 import jax.numpy as jnp
 import numpy as np
@@ -106,10 +107,19 @@ def test_it_is_said_that_a_cause_is_not_named_for_a_correction_that_describes_th
     decision = dataclasses.replace(
         found.decision, verdict="unexplained", explanations=(), candidates={"slip": 0.3}, lead=lead
     )
-    found = dataclasses.replace(found, verdict="unexplained", decision=decision)
-    words = "any one cause: by 2 nat, each against what noise alone gives its kind (0.5 are allowed). slip would leave"
-    assert (words in report(found, "these data", [])) == (lead > 0.5)
+    slip = dataclasses.replace(found.causes[0], status="possible", left=0.3, converged=True)
+    conspicuous, lost = dataclasses.replace(slip, left=0.02), dataclasses.replace(slip, converged=False)
+    found = dataclasses.replace(found, verdict="unexplained", decision=decision, causes=(slip,))
+    better, named = "A correction of no name describes these data better", "slip would leave nothing conspicuous, and"
+    text = report(found, "these data", [])
+    assert (better in text) == (named in text) == (lead > 0.5)
     assert as_json(found)["omnibus"]["lead_of_free_forms"] == lead
+    for other in (conspicuous, lost):
+        text = report(dataclasses.replace(found, causes=(other,)), "these data", [])
+        assert named not in text and (better in text) == (lead > 0.5)
+    assert better not in report(dataclasses.replace(found, verdict="confusable"), "these data", [])
+    nothing = dataclasses.replace(found, causes=(), decision=dataclasses.replace(decision, lead=math.inf))
+    assert better not in report(nothing, "these data", []) and "inf nat" not in report(nothing, "these data", [])
 
 
 def test_what_is_left_is_drawn_against_every_coordinate_with_the_correction_of_no_name(file):
