@@ -121,7 +121,7 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
     if any(" with " in one for one in together) and len(together) > 1:
         lines += [
             "",
-            f"No cause alone is the answer; these are together: {'; '.join(together)}. What would separate sets of two "
+            f"No cause alone is the answer; two together are: {'; '.join(together)}. What would separate sets of two "
             "is not rated.",
             "",
         ]

@@ -97,7 +97,7 @@ def test_two_causes_are_called_two_and_sets_of_pairs_are_listed(file):
     assert "lacks one cause" in reported("named", ("slip",))
     assert "lacks two causes" in reported("named", ("sweep-drift", "slip"))
     several = reported("confusable", ("sweep-drift", "slip"), ("drying", "slip"))
-    assert "these do together: sweep-drift with slip; drying with slip" in several
+    assert "two together are: sweep-drift with slip; drying with slip" in several
 
 
 @pytest.mark.parametrize("lead", [0.4, 2.0])
