@@ -137,7 +137,9 @@ def test_a_free_form_has_to_be_more_improbable_than_a_cause():
     )
     np.testing.assert_array_equal(alike.calibrated, behind.calibrated)
     assert np.all(behind.p_family[free] > alike.p_family[free])
-    assert np.all(behind.p_family[~free] <= alike.p_family[~free])
+    # Replicates have it, too: to causes free forms of noise alone count for less.
+    wave = [one.name for one in screen.alternatives].index("wave")
+    assert behind.p_family[wave] < alike.p_family[wave]
     # All of noise alone: where nothing is hidden one of twenty is as improbable, whatever the handicap.
     nothing = [
         evidence(screen, drawn, np.random.default_rng(1), free, 10.0, 100).p_value
