@@ -192,6 +192,8 @@ def _asked(summary: dict[str, Any]) -> list[str]:
     def add(what: str, one: Rate, bound: Bound, limits: Sequence[float | None] = (None, None)) -> None:
         known = " | ".join("" if limit is None else f"{100.0 * limit:.1f}" for limit in limits)
         verdict = "too few" if one["sets"] < bound.sets else "yes" if bound.met(100.0 * one["rate"]) else "no"
+        if verdict != "too few" and bound.margin(100.0 * one["rate"]) < 100.0 * one["error"]:
+            verdict += ", within its error"
         rows.append(f"| {what} | {_words(one)} | {known} | {one['sets']} | {verdict} |")
 
     for d, detected, first in (("4.5", 93.0, 92.0), ("6", 98.0, 97.0)):

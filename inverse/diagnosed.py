@@ -9,6 +9,7 @@ from typing import Any
 from arfjax import Experiment, InputError, read_experiment
 from inverse.datasets.dma import DmaData, read_dma
 from inverse.datasets.hmi import HmiData, read_hmi
+from inverse.datasets.table import unused
 from inverse.design import Design, design_dma, design_hmi
 from inverse.design.report import in_short, in_words
 from inverse.diagnosis.cause import Cause
@@ -41,12 +42,14 @@ class Diagnosed:
         details: Fits, statistics and noise behind it.
         design: What would separate causes that these data cannot tell apart; None if there are none, if they come in
             pairs, or if not asked for.
+        remarks: On the file, such as columns that were not used.
     """
 
     content: dict[str, Any]
     name: str
     details: Diagnosis
     design: Design | None
+    remarks: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -70,7 +73,8 @@ class Diagnosed:
             of_hmi = isinstance(self.details.problem, HmiDiagnosisProblem)
             figure = (hmi_diagnosis_figure if of_hmi else diagnosis_figure)(self.details)
             names = write_figures(whole, {"diagnosis": figure, "residuals": residuals_figure(self.details)})
-            words = report(self.details, self.name, names, in_words(self.design) if self.design else [])
+            apart = in_words(self.design) if self.design else []
+            words = report(self.details, self.name, names, apart=apart, remarks=self.remarks)
             (whole / "report.md").write_text(words, encoding="utf-8")
 
 
@@ -150,14 +154,17 @@ class _Asked:
     separate: bool
     on_step: Callable[[str], None]
 
-    def answered(self, found: Diagnosis, name: str, design: Callable[[Sequence[str]], Design]) -> Diagnosed:
+    def answered(
+        self, found: Diagnosis, name: str, remarks: tuple[str, ...], design: Callable[[Sequence[str]], Design]
+    ) -> Diagnosed:
         """The answer, with what would separate causes that the data cannot tell apart."""
         apart = next(iter(found.confusable), ())
         # Of causes that stand for one another; of pairs, those of one pair do not.
         single = found.decision is not None and all(len(names) == 1 for names in found.decision.explanations)
         designed = design(apart) if self.separate and single and len(apart) > 1 else None
         separation = [] if designed is None else [in_short(designed)]
-        return Diagnosed({**as_json(found), "separation": separation}, name, found, designed)
+        content = {**as_json(found, remarks), "separation": separation}
+        return Diagnosed(content, name, found, designed, remarks)
 
 
 def _of_dma(data: DmaData, name: str, model: ZenerModel, asked: _Asked) -> Diagnosed:
@@ -172,7 +179,7 @@ def _of_dma(data: DmaData, name: str, model: ZenerModel, asked: _Asked) -> Diagn
             on_step=asked.on_step,
         )  # fmt: skip
 
-    return asked.answered(found, name, design)
+    return asked.answered(found, name, unused(data.ignored_columns), design)
 
 
 def _of_hmi(hmi: Path | str | HmiData, experiment: Path | str | Experiment | None, asked: _Asked) -> Diagnosed:
@@ -194,4 +201,4 @@ def _of_hmi(hmi: Path | str | HmiData, experiment: Path | str | Experiment | Non
             seed=asked.seed, on_step=asked.on_step,
         )  # fmt: skip
 
-    return asked.answered(found, name, design)
+    return asked.answered(found, name, unused(data.ignored), design)

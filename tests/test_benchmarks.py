@@ -186,6 +186,26 @@ def test_page_of_displacement_needs_no_limit_of_removed_causes(tmp_path):
     assert (tmp_path / HMI_STUDY.picture).stat().st_size > 10_000
 
 
+def test_what_is_met_or_missed_by_less_than_the_error_is_said_to_be(tmp_path):
+    found = {
+        "first": "slip",
+        "named": ["slip"],
+        "confusable": [],
+        "possible": ["slip"],
+        "seconds": 1.0,
+        "covered": True,
+    }
+    found |= {"name": "slip", "verdict": "named", "part": "known", "noise": "white"}
+    missed = found | {"verdict": "adequate", "named": [], "possible": [], "first": "drying"}
+    lines = [one | {"d_prime": d} for d in (4.5, 6.0) for one in [*[found] * 18, *[missed] * 2]]
+    limit = {f"{d:g}": {"slip": {"detected": 0.99, "first": 0.85}} for d in (4.5, 6.0)}
+    write_docs({"seeds": "test", **summarise(lines, limit)}, tmp_path, DMA_STUDY)
+    page = (tmp_path / DMA_STUDY.page).read_text()
+    # 90 +- 7 of 20: 93 is less than an error above, 82 is more than one below.
+    assert "at least 93, or 3 below the limit | 90.0 ± 6.8 | 99.0 |  | 20 | no, within its error |" in page
+    assert "at least 92, or 3 below the limit | 90.0 ± 6.8 | 85.0 |  | 20 | yes |" in page
+
+
 def linear_design() -> Design:
     """Two causes, along temperature and, of either sign, along time; one constant and a factor of each sonication."""
     sonication = np.repeat(np.arange(3), [14, 19, 24])

@@ -1,5 +1,6 @@
 """`arfjax design`: the measurement that would tell causes apart which the present one cannot."""
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,7 @@ from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.diagnose import NullModel, require_fittable
 from inverse.datasets.dma import read_dma
 from inverse.datasets.hmi import read_hmi
+from inverse.datasets.table import unused
 from inverse.design import design_dma, design_hmi
 from inverse.design.report import as_json, report
 from inverse.diagnosed import MODELS
@@ -59,17 +61,20 @@ def design_command(
                 file, solid = dma, MODELS[model.value]
                 data = read_dma(dma, trust_units=trust_units)
                 require_fittable(dma, data, solid)
+                remarks = unused(data.ignored_columns)
                 found = design_dma(data, causes=wanted, model=solid, check=check, seed=seed, on_step=show)
             else:
                 assert hmi is not None and experiment is not None  # see above
                 file, described = hmi, read_experiment(experiment)
                 curves = read_hmi(hmi)
                 require_diagnosable(curves, described, str(experiment))
+                remarks = unused(curves.ignored)
                 found = design_hmi(
                     curves, described, name=str(experiment), causes=wanted, check=check, seed=seed, on_step=show
                 )
         if not found.rated:
             raise InputError(f"{file}: {' '.join(found.notes)}")
+        found = dataclasses.replace(found, notes=(*remarks, *found.notes))
         write_json(folder / "design.json", as_json(found))
         figures = write_figures(folder, {"design": design_figure(found)})
         (folder / "report.md").write_text(report(found, file.name, figures), encoding="utf-8")

@@ -18,6 +18,7 @@ from inverse.diagnosis.choice import find_causes
 from inverse.diagnosis.diagnosis import require_level
 from inverse.diagnosis.dma_problem import usable_sweeps
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
+from inverse.diagnosis.report import pairs_in_question
 from inverse.dma_fit import ZenerModel
 from inverse.output import output_directory, sha256, write_summary
 
@@ -192,7 +193,10 @@ def _show(diagnosed: Diagnosed, out: Path) -> None:
     lines = [f"verdict: {found.verdict}"]
     if found.named:
         lines[0] += f" ({', '.join(found.named)})"
-    if found.confusable:
+    together = pairs_in_question(found)
+    if together:
+        lines[0] += f" (two together: {'; '.join(together)})"
+    elif found.confusable:
         lines[0] += f" ({', '.join(found.confusable[0])} cannot be told apart)"
     for one in diagnosed.content["separation"]:
         if one["measurement"] is not None:
@@ -200,4 +204,4 @@ def _show(diagnosed: Diagnosed, out: Path) -> None:
             lines.append(f"to tell them apart: {one['measurement']['words']} ({now:.0f} -> {then:.0f} %)")
     if found.not_testable:
         lines.append("not testable with these data: " + ", ".join(one.name for one in found.not_testable))
-    show_lines([*lines, f"written to {out}"])
+    show_lines([*lines, *diagnosed.remarks, f"written to {out}"])

@@ -12,6 +12,7 @@ import xarray as xr
 
 from inverse.commands.console import show_lines, show_table, working
 from inverse.datasets.dma import DmaData, group_sweeps, read_dma
+from inverse.datasets.table import unused
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL, DmaFit, SweepFit, fit_sweeps, magnitude_only
 from inverse.dma_residuals import LinearModulus, LogModulus, ModulusResidual
 from inverse.figures import dma_figure
@@ -196,8 +197,7 @@ def _results(fit: DmaFit) -> dict:
 def _report(data: Path, measured: DmaData, fit: DmaFit, figures: list[str]) -> str:
     lines = [f"# Zener solids fitted to {data.name}", ""]
     lines += [f"{len(measured)} rows, {len(fit.sweeps)} sweeps.", ""]
-    if measured.ignored_columns:
-        lines += [f"Columns not used: {', '.join(measured.ignored_columns)}.", ""]
+    lines += [line for remark in unused(measured.ignored_columns) for line in (remark, "")]
     if fit.fits:
         lines += [
             "Value ± standard error; `?` marks a constant that the data do not fix. SSE: of log modulus; of modulus; "

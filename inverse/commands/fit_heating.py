@@ -12,6 +12,7 @@ import xarray as xr
 import arfjax
 from arfjax import InputError
 from inverse.commands.console import show_lines, show_table, working
+from inverse.datasets.table import unused
 from inverse.datasets.thermometry import HOTTEST, read_thermometry
 from inverse.figures import heating_figure
 from inverse.output import output_directory, quantity, write_figures, write_summary
@@ -125,9 +126,7 @@ def _notes(fit: HeatingFit) -> list[str]:
         f"{int(np.sum(fit.used))} rows fitted, {left_out} left out as occluded; rises are counted from "
         f"{fit.baseline:g} degC; data minus fit {fit.rms:.3g} K root mean square, noise {fit.noise_sd:.3g} K.",
     ]
-    if fit.data.ignored:
-        notes.append(f"Columns not used: {', '.join(fit.data.ignored)}.")
-    return notes
+    return [*notes, *unused(fit.data.ignored)]
 
 
 def _results(fit: HeatingFit) -> dict[str, object]:

@@ -116,6 +116,11 @@ def refuse(path: Path, problem: str, *, line: int | None = None, column: str | N
     raise InputError(f"{place}: {problem}")
 
 
+def unused(headers: Sequence[str]) -> tuple[str, ...]:
+    """What a report says of columns that were not used, misspelled ones perhaps; empty if there is none."""
+    return (f"Columns not used: {', '.join(headers)}.",) if headers else ()
+
+
 def read_table(path: Path) -> Table:
     """Read a delimited text file: UTF-8, separated by commas, semicolons or tabs, `#` for comments.
 

@@ -16,8 +16,8 @@ SCHEMA_VERSION = 5
 
 _VERDICTS = {
     "adequate": "Nothing is wrong that these data could show.",
-    "named": "The model lacks one cause.",
-    "two": "The model lacks two causes.",
+    "named": "The model lacks one cause, if what it lacks is among those that were looked for.",
+    "two": "The model lacks two causes, if what it lacks is among those that were looked for.",
     "confusable": "The model lacks something, and these data cannot tell which of several causes it is.",
     "unexplained": "The model is wrong, and no named cause explains how, or none as well as a correction of no name.",
     "noise-model": "The model is adequate, but the noise is not what one would take it for.",
@@ -25,8 +25,8 @@ _VERDICTS = {
 }
 
 
-def as_json(found: Diagnosis) -> dict[str, Any]:
-    """What diagnosis.json holds; numbers that are not finite become null."""
+def as_json(found: Diagnosis, remarks: Sequence[str] = ()) -> dict[str, Any]:
+    """What diagnosis.json holds, remarks on the file among its notes; numbers that are not finite become null."""
     omnibus = found.decision.omnibus if found.decision is not None else None
     content = {
         "schema_version": SCHEMA_VERSION,
@@ -50,7 +50,7 @@ def as_json(found: Diagnosis) -> dict[str, Any]:
         "whiteness": [vars(one) for one in found.residuals_whiteness],
         "unexplained": unexplained(found),
         "audit": list(found.audit),
-        "notes": list(found.account.notes),
+        "notes": [*remarks, *found.account.notes],
         "model": found.account.model,
         "seed": found.seed,
         "versions": versions(),
@@ -82,7 +82,9 @@ def _sentence(found: Diagnosis) -> str:
     return _VERDICTS["two" if found.verdict == "named" and len(found.named) > 1 else found.verdict]
 
 
-def report(found: Diagnosis, name: str, figures: Sequence[str], apart: Sequence[str] = ()) -> str:
+def report(
+    found: Diagnosis, name: str, figures: Sequence[str], *, apart: Sequence[str] = (), remarks: Sequence[str] = ()
+) -> str:
     """The report in Markdown.
 
     Args:
@@ -90,6 +92,7 @@ def report(found: Diagnosis, name: str, figures: Sequence[str], apart: Sequence[
         name: Of the data.
         figures: Names of their files.
         apart: How causes that these data cannot tell apart could be, in sentences.
+        remarks: On the file.
     """
     lines = [f"# Diagnosis of {name}", "", f"**{found.verdict}.** {_sentence(found)}", ""]
     if found.decision is not None:
@@ -99,7 +102,7 @@ def report(found: Diagnosis, name: str, figures: Sequence[str], apart: Sequence[
             f"calibrated on replicates of these residuals). Null model: {found.account.sentence}.",
             "",
         ]
-    lines += [f"- {note}" for note in found.account.notes]
+    lines += [f"- {note}" for note in (*remarks, *found.account.notes)]
     lines += ["", *found.account.facts(found.in_question), *(f"![{figure}]({figure})" for figure in figures), ""]
     # Before any physics is blamed: whether the fit is sound, and the noise what one would take it for.
     if found.audit:
@@ -117,8 +120,8 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
             if one.status == "confusable":
                 lines += [f"  To tell it from the others: {one.cause.helps}"]
     lines += ["", *apart, ""] if apart else []
-    together = [" with ".join(names) for names in found.decision.explanations] if found.decision is not None else []
-    if any(" with " in one for one in together) and len(together) > 1:
+    together = pairs_in_question(found)
+    if together:
         lines += [
             "",
             f"No cause alone is the answer; two together are: {'; '.join(together)}. What would separate sets of two "
@@ -147,11 +150,19 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
     return ["## What is wrong", "", *lines, ""] if lines else []
 
 
+def pairs_in_question(found: Diagnosis) -> list[str]:
+    """Pairs of causes that each explain the data, in words; none where there is one, or where one cause is enough."""
+    pairs = found.decision.explanations if found.decision is not None else ()
+    return [" with ".join(names) for names in pairs] if len(pairs) > 1 and any(len(one) > 1 for one in pairs) else []
+
+
 def _beyond_causes(found: Diagnosis) -> list[str]:
-    """That a correction of no name describes the data better, and what is not named for that."""
+    """Why no cause is named, where that is not what each of them leaves."""
     decision = found.decision
     if decision is None or found.verdict != "unexplained":
         return []
+    if not decision.candidates:
+        return ["None of the causes that were looked for is likely enough by itself to be put into the model.", ""]
     if not LEAD_OF_FREE_FORMS < decision.lead < math.inf:
         return []
     said = (
@@ -211,7 +222,8 @@ def _table(found: Diagnosis) -> list[str]:
         *lines,
         "",
         "p is for the whole family of causes and free forms, p alone for this cause by itself, p of the rest for what "
-        "the model with it leaves, where it was put in. A cause is ruled out if what it leaves is conspicuous, and "
+        "the model with it leaves, where it was put in: the likeliest are, six at most, and what was not is called not "
+        "needed. A cause is ruled out if what it leaves is conspicuous, and "
         f"possible if that is unlikely (p below {UNEXPLAINED_LEVEL:g}) but not out of the question ({SET_LEVEL:g}), if "
         "its refit did not converge, or if a correction of no name describes the data better than any one cause. "
         '"Would be seen from" is the strength of d\' = 4.5 in noise such as the model '

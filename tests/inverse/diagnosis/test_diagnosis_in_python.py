@@ -12,7 +12,7 @@ import inverse
 from arfjax import InputError
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES, DmaCause, dma_diagnosis
-from inverse.diagnosis.report import as_json, report
+from inverse.diagnosis.report import as_json, pairs_in_question, report
 from inverse.figures.residuals import residuals_figure
 from tests.blind import dma_generator as blind
 
@@ -90,14 +90,36 @@ def test_two_causes_are_called_two_and_sets_of_pairs_are_listed(file):
     found = inverse.diagnose(file, causes=["sweep-drift", "slip", "drying"], gain=False).details
     assert found.decision is not None
 
-    def reported(verdict, *explanations):
+    def concluded(verdict, *explanations):
         decision = dataclasses.replace(found.decision, verdict=verdict, explanations=explanations)
-        return report(dataclasses.replace(found, verdict=verdict, decision=decision), "these data", [])
+        return dataclasses.replace(found, verdict=verdict, decision=decision)
+
+    def reported(verdict, *explanations):
+        return report(concluded(verdict, *explanations), "these data", [])
 
     assert "lacks one cause" in reported("named", ("slip",))
     assert "lacks two causes" in reported("named", ("sweep-drift", "slip"))
     several = reported("confusable", ("sweep-drift", "slip"), ("drying", "slip"))
     assert "two together are: sweep-drift with slip; drying with slip" in several
+    assert pairs_in_question(concluded("named", ("sweep-drift", "slip"))) == []
+    assert pairs_in_question(concluded("confusable", ("drying",), ("slip",))) == []
+
+
+def test_that_no_cause_was_likely_enough_to_be_tried_is_said(file):
+    found = inverse.diagnose(file, causes=["slip"], gain=False).details
+    assert found.decision is not None
+    decision = dataclasses.replace(found.decision, verdict="unexplained", explanations=(), candidates={}, lead=9.0)
+    text = report(dataclasses.replace(found, verdict="unexplained", decision=decision), "these data", [])
+    assert "None of the causes that were looked for is likely enough" in text and "9 nat" not in text
+
+
+def test_columns_that_are_not_used_are_named(file, tmp_path):
+    misspelled = tmp_path / "misspelled.csv"
+    misspelled.write_text(file.read_text().replace("time_s", "tyme_s"))
+    found = inverse.diagnose(misspelled, out=tmp_path / "out", causes=["slip"], gain=False)
+    said = "Columns not used: tyme_s."
+    assert said in (tmp_path / "out" / "report.md").read_text() and said in found.content["notes"]
+    assert inverse.diagnose(file, causes=["slip"], gain=False).remarks == ()
 
 
 @pytest.mark.parametrize("lead", [0.4, 2.0])

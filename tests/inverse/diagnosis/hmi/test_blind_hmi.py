@@ -22,19 +22,30 @@ def bench():
     return prepared_bench()
 
 
-@pytest.mark.parametrize(
-    ("name", "seed"),
-    [
-        ("output-drift", 23),
-        ("thermocouple-position", 32),
-        ("thermal-decorrelation", 33),
-        ("lesion-stiffness-law", 31),
-    ],
+STRONG = (
+    ("output-drift", 23),
+    ("thermocouple-position", 32),
+    ("thermal-decorrelation", 33),
+    ("lesion-stiffness-law", 31),
 )
-def test_hidden_effect_is_found_and_not_ruled_out(bench, name, seed):
-    found = one_set(Condition("known", name, 9.0), blind.TEST_SEEDS + seed, bench)
-    assert found["verdict"] != "adequate" and found["p"] < 0.05
-    assert name in found["possible"]
+
+
+@pytest.fixture(scope="module")
+def strong(bench):
+    """What is said of effects of d' = 9."""
+    return [one_set(Condition("known", name, 9.0), blind.TEST_SEEDS + seed, bench) for name, seed in STRONG]
+
+
+def test_hidden_effect_is_found_and_not_ruled_out(strong):
+    for found in strong:
+        assert found["verdict"] != "adequate" and found["p"] < 0.05
+        assert found["name"] in found["possible"]
+
+
+def test_hidden_effect_is_the_answer_or_one_that_it_cannot_be_told_from(strong):
+    """In 96 of 100 linear data sets of d' = 4.5 already (docs), first in 90: of four, three and two in 99 of 100."""
+    assert sum(found["name"] in (*found["named"], *found["confusable"]) for found in strong) >= 3
+    assert sum(found["name"] == found["first"] for found in strong) >= 2
 
 
 def test_command_finds_it_in_the_file_alone(bench, tmp_path):
@@ -58,8 +69,8 @@ def test_nothing_hidden_and_a_coarser_mesh_is_no_cause(bench):
 def test_effect_without_a_name_gets_none(bench):
     """A bump at one temperature, which softening of liver may resemble.
 
-    Of d' = 9, seven in ten stay unexplained and one in twenty is named, on linear data (docs): that one of two at least
-    stays so and none is named happens in eight cases of ten at d' = 9, and more often at 12. (Seed 60 alone was asked
+    Of d' = 9, seven in ten stay unexplained and one in eight is named, on linear data (docs): that one of two at least
+    stays so and none is named happens in three cases of four at d' = 9, and more often at 12. (Seed 60 alone was asked
     for `unexplained` before, and came out as softening or a boundary; this was written then, for other seeds.)
     """
     found = [one_set(Condition("unknown", "bump", 12.0), blind.TEST_SEEDS + 64 + k, bench) for k in range(2)]
