@@ -195,7 +195,7 @@ def _show(diagnosed: Diagnosed, out: Path) -> None:
         lines[0] += f" ({', '.join(found.named)})"
     together = pairs_in_question(found)
     if together:
-        lines[0] += f" (two together: {'; '.join(together)})"
+        lines[0] += f" (two together, which cannot be told apart: {'; '.join(together)})"
     elif found.confusable:
         lines[0] += f" ({', '.join(found.confusable[0])} cannot be told apart)"
     for one in diagnosed.content["separation"]:

@@ -272,8 +272,15 @@ def _check_signs(columns: Columns) -> None:
         if np.any(bad):
             row = int(np.argmax(bad))
             shown = columns.table.rows[row][columns.found[name].index]
+            # Without those rows alone the others show too much loss.
+            mend = (
+                "leave out the range of frequencies or temperatures where noise is as large as the loss, or give "
+                "magnitudes"
+                if name == "loss_modulus"
+                else "remove or correct the row"
+            )
             columns.table.refuse(
-                f"{name.replace('_', ' ')} {shown} must be {expected}; remove or correct the row.",
+                f"{name.replace('_', ' ')} {shown} must be {expected}; {mend}.",
                 row=row,
                 column=columns.header(name),
             )

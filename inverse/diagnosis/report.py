@@ -161,6 +161,8 @@ def _beyond_causes(found: Diagnosis) -> list[str]:
     decision = found.decision
     if decision is None or found.verdict != "unexplained":
         return []
+    if not found.causes:
+        return ["These data can see none of the causes that were looked for.", ""]
     if not decision.candidates:
         return ["None of the causes that were looked for is likely enough by itself to be put into the model.", ""]
     if not LEAD_OF_FREE_FORMS < decision.lead < math.inf:
@@ -222,13 +224,12 @@ def _table(found: Diagnosis) -> list[str]:
         *lines,
         "",
         "p is for the whole family of causes and free forms, p alone for this cause by itself, p of the rest for what "
-        "the model with it leaves, where it was put in: the likeliest are, six at most, and what was not is called not "
-        "needed. A cause is ruled out if what it leaves is conspicuous, and "
-        f"possible if that is unlikely (p below {UNEXPLAINED_LEVEL:g}) but not out of the question ({SET_LEVEL:g}), if "
-        "its refit did not converge, or if a correction of no name describes the data better than any one cause. "
-        '"Would be seen from" is the strength of d\' = 4.5 in noise such as the model '
-        "of the verdict leaves: found in 96 of 100 such "
-        "data sets if noise and model were known, in fewer as they are not.",
+        "the model with it leaves, where it was put in: where something is wrong the likeliest are, six at most; what "
+        "was not is called not needed. A cause is ruled out if what it leaves is conspicuous, and possible if that is "
+        f"unlikely (p below {UNEXPLAINED_LEVEL:g}) but not out of the question ({SET_LEVEL:g}), if its refit did not "
+        "converge, or if a correction of no name describes the data better than any one cause. "
+        '"Would be seen from" is the strength of d\' = 4.5 in noise such as the model of the verdict leaves: found in '
+        "96 of 100 such data sets if noise and model were known, in fewer as they are not.",
         "",
     ]
 

@@ -7,8 +7,8 @@ that a fit of the fractional Zener solid can imitate is taken off, in standard d
 on data without noise: a projection in one linearisation overstates effects of a tenth of the modulus and more (a second
 relaxation of 9 by projection leaves 5 after the fit).
 
-Seeds below 20 000 were used in development; tests use `TEST_SEEDS` and above. Rates were measured on seeds from 120 000
-once, and levels set after a look at them: final ones are measured on others (`benchmarks.diagnosis_record`).
+Tests use seeds from `TEST_SEEDS` on; `benchmarks.diagnosis_record` says which ones were used in development, and which
+are of rates.
 """
 
 import dataclasses

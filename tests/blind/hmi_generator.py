@@ -11,8 +11,8 @@ The strength is set by d': the length of the effect on the logarithm of displace
 of the data, after projecting out the constants and a factor of each sonication, in standard deviations of the noise.
 (A small effect on a coarser mesh, scaled up, was two to four times too long for effects on heat and thermometer.)
 
-Seeds below 20 000 were used in development; tests use `TEST_SEEDS` and above. Rates were measured on seeds from 120 000
-once, and levels set after a look at them: final ones are measured on others (`benchmarks.diagnosis_record`).
+Tests use seeds from `TEST_SEEDS` on; `benchmarks.diagnosis_record` says which ones were used in development, and which
+are of rates.
 """
 
 import dataclasses

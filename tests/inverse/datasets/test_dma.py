@@ -84,7 +84,7 @@ BAD = {
     "decimal comma": (GOOD.replace(",", ";") + "20;37;1500,5;100\n", "write decimals with a point"),
     "too large": (GOOD + "20,37,1e300,100\n", "line 5, column 'storage_modulus_pa': '1e300' is too large"),
     "negative storage": (GOOD + "20,37,-1500,100\n", "storage modulus -1500 must be positive"),
-    "negative loss": (GOOD + "20,37,1500,-1\n", "loss modulus -1 must be zero or positive"),
+    "negative loss": (GOOD + "20,37,1500,-1\n", "loss modulus -1 must be zero or positive; leave out the range"),
     "zero frequency": (GOOD + "0,37,1500,100\n", "frequency 0 is not positive"),
     "negative frequency": (GOOD + "-2,37,1500,100\n", "frequency -2 is not positive"),
     "ragged": (GOOD + "20,37,1500\n", "line 5: 3 cells where the header has 4"),

@@ -93,8 +93,10 @@ def test_more_data_never_separate_worse_and_random_order_shows_drift(file, found
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_command_writes_what_it_found_and_the_promise_is_kept(file, tmp_path):
-    out = tmp_path / "out"
-    arguments = ["design", "--dma", str(file), "--causes", ",".join(LIKE), "--out", str(out), "--seed", "5"]
+    out, noted = tmp_path / "out", tmp_path / "noted.csv"
+    header, *rows = file.read_text().splitlines()
+    noted.write_text("\n".join([f"{header},operator", *(f"{row},A" for row in rows)]) + "\n")
+    arguments = ["design", "--dma", str(noted), "--causes", ",".join(LIKE), "--out", str(out), "--seed", "5"]
     assert run(arguments) == 0
     content = json.loads((out / "design.json").read_text())
     assert content["schema_version"] == 3 and content["verdict"] in ("named", "confusable", "unexplained")
@@ -108,6 +110,7 @@ def test_command_writes_what_it_found_and_the_promise_is_kept(file, tmp_path):
     assert any(one["hidden"] in (*one["named"], *one["confusable"]) for one in content["checks"])
     report = (out / "report.md").read_text()
     assert best["words"] in report and "A single reading would tell" in report
+    assert "Columns not used: operator." in content["notes"]
     assert set(content["reading"]["causes"]) == set(LIKE) and content["reading"]["information_nat"] > 0.0
     assert (out / "design.png").stat().st_size > 10_000 and (out / "design.pdf").exists()
 

@@ -10,7 +10,9 @@ import pytest
 
 import inverse
 from arfjax import InputError
+from inverse.commands.main import run
 from inverse.datasets.dma import read_dma
+from inverse.datasets.table import unused
 from inverse.diagnosis import DMA_CAUSES, DmaCause, dma_diagnosis
 from inverse.diagnosis.report import as_json, pairs_in_question, report
 from inverse.figures.residuals import residuals_figure
@@ -105,12 +107,28 @@ def test_two_causes_are_called_two_and_sets_of_pairs_are_listed(file):
     assert pairs_in_question(concluded("confusable", ("drying",), ("slip",))) == []
 
 
+def test_the_terminal_says_which_pairs_and_which_columns_were_not_used(file, tmp_path, monkeypatch, capsys):
+    found = inverse.diagnose(file, causes=["sweep-drift", "slip", "drying"], gain=False)
+    assert found.details.decision is not None
+    pairs = (("sweep-drift", "slip"), ("drying", "slip"))
+    decision = dataclasses.replace(found.details.decision, verdict="confusable", explanations=pairs)
+    details = dataclasses.replace(found.details, verdict="confusable", decision=decision)
+    several = dataclasses.replace(found, details=details, remarks=unused(("tyme_s",)))
+    monkeypatch.setattr("inverse.commands.diagnose.diagnose", lambda *_, **__: several)
+    assert run(["diagnose", "--dma", str(file), "--out", str(tmp_path / "out")]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "two together, which cannot be told apart: sweep-drift with slip; drying with slip" in shown
+    assert "Columns not used: tyme_s." in shown
+
+
 def test_that_no_cause_was_likely_enough_to_be_tried_is_said(file):
     found = inverse.diagnose(file, causes=["slip"], gain=False).details
     assert found.decision is not None
     decision = dataclasses.replace(found.decision, verdict="unexplained", explanations=(), candidates={}, lead=9.0)
     text = report(dataclasses.replace(found, verdict="unexplained", decision=decision), "these data", [])
     assert "None of the causes that were looked for is likely enough" in text and "9 nat" not in text
+    unseen = dataclasses.replace(found, verdict="unexplained", decision=decision, causes=())
+    assert "These data can see none of the causes that were looked for" in report(unseen, "these data", [])
 
 
 def test_columns_that_are_not_used_are_named(file, tmp_path):

@@ -89,9 +89,9 @@ class WithDrift:
 
 
 def test_of_two_causes_at_once_no_other_is_named(bench):
-    """Bubbles and drift, d' = 9 each. Of five development sets (501 to 507) both are named in two and in a set with
-    others in one, one is unexplained and one, though d' is 16, taken for correlated noise: of four, both are in the
-    answer of one at least in 97 of 100 cases.
+    """Bubbles and drift, d' = 9 each. Of five development sets (seeds 501, 504, 506, 507, and 501 with the other sign
+    of the drift) both are named in two and in a set with others in one, one is unexplained and one, though d' is 16,
+    taken for correlated noise; no other cause is named. Rates are not known better than that.
     """
     pair, drifting = {"cavitation", WithDrift.name}, dataclasses.replace(bench, fine=WithDrift(bench.fine))
     seeds = [blind.TEST_SEEDS + k for k in (120, 121, 122, 123)]
@@ -108,9 +108,9 @@ def test_nothing_hidden_and_a_coarser_mesh_is_no_cause(bench):
 def test_effect_without_a_name_gets_none(bench):
     """A bump at one temperature, which softening of liver may resemble.
 
-    Of d' = 9, seven in ten stay unexplained and one in eight is named, on linear data (docs): that one of two at least
-    stays so and none is named happens in three cases of four at d' = 9, and more often at 12. (Seed 60 alone was asked
-    for `unexplained` before, and came out as softening or a boundary; this was written then, for other seeds.)
+    Of d' = 9, seven in ten stay unexplained and one in eight is named, on linear data (docs): that both are found, one
+    of them stays so and none is named happens in two cases of three at d' = 9, and more often at 12. (Seed 60 alone was
+    asked for `unexplained` before, and came out as softening or a boundary; this was written then, for other seeds.)
     """
     found = [one_set(Condition("unknown", "bump", 12.0), blind.TEST_SEEDS + 64 + k, bench) for k in range(2)]
     assert all(one["verdict"] != "adequate" and one["named"] == [] for one in found)
