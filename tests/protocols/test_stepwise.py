@@ -221,6 +221,7 @@ def test_a_thin_layer_keeps_its_cells(model):
     assert np.all(np.min(np.abs(faces[:, None] - interfaces[None, interfaces > faces[0]]), axis=0) == 0.0)
 
 
+@pytest.mark.slow
 def test_single_precision(described, protocol, run, model):
     with jax.enable_x64(False):
         single_model = described.model()

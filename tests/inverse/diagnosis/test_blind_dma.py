@@ -94,6 +94,7 @@ def test_of_a_conventional_solid_nothing_is_found_by_the_conventional_model(tmp_
     assert sum(one.verdict in ("adequate", "noise-model") for one in found) >= 2
 
 
+@pytest.mark.slow
 def test_the_conventional_model_lacks_the_order_that_was_hidden(tmp_path, monkeypatch):
     """Order 0.99 has a d' of 11 to 12 here, 0.98 was named in all of ten development sets. Of four at level 5 % two or
     more are called unexplained, and two or more intervals miss, with a probability of 1.4 % each.

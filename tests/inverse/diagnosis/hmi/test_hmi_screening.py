@@ -178,6 +178,7 @@ def test_rough_fits_are_those_of_the_fast_simulation_as_it_is(problem, monkeypat
     assert given["spread"] == noise_size(near) != noise_size(begun)
 
 
+@pytest.mark.slow
 def test_refit_in_full_begins_corrected_where_the_rough_fit_is(problem, monkeypatch):
     _, null, _, rough = looked_for_in(problem, DRIFT, 1.0, 0.005)
     corrected, asked = HmiDiagnosisProblem.corrected_at, []

@@ -318,6 +318,7 @@ def test_another_instrument_does_not_have_the_faults_of_the_first(problem):
     assert np.max(np.abs((program.predict(lagging) - program.predict(none))[second])) > 1e-3
 
 
+@pytest.mark.slow
 def test_corrected_simulation_has_value_and_derivatives_of_the_full_one(problem, prepared):
     program, step = problem.program, 1e-4
     unknowns = strength_and_shape(problem, "cavitation", 0.3, 64.0)
