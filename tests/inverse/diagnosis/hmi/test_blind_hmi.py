@@ -6,10 +6,10 @@ Few sets, each far above the noise: `python -m benchmarks.diagnosis_hmi` measure
 import dataclasses
 import json
 
-import numpy as np
 import pytest
 
 from benchmarks.diagnosis_hmi import Condition, diagnosed, one_set, prepared_bench
+from benchmarks.diagnosis_limits import projected_length
 from inverse.commands.main import run
 from inverse.datasets.hmi import read_hmi
 from inverse.datasets.shipped import shipped
@@ -76,9 +76,8 @@ class WithDrift:
     def curves(self, z, name, strength):
         plain, (alone, time) = self.simulator.curves(z)[0], self.simulator.curves(z, name, strength)
         both = [alone + self._drift(z, plain, sign) for sign in (1.0, -1.0)]
-        imitated = np.linalg.qr(self.simulator.imitated(z))[0]
-        left = [each - plain - imitated @ (imitated.T @ (each - plain)) for each in both]
-        return both[int(np.argmax(np.linalg.norm(left, axis=1)))], time
+        imitated = self.simulator.imitated(z)
+        return max(both, key=lambda each: projected_length((each - plain)[:, None], imitated)), time
 
     def _drift(self, z, plain, sign):
         def change(_, strength):
