@@ -131,7 +131,8 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
     lines += _beyond_causes(found)
     text = unexplained(found)
     if text:
-        lines += [f"What is left, without a name: {text}."]
+        # A paragraph of its own: the line before it may be of a list.
+        lines += ["", f"What is left, without a name: {text}."]
     if found.gain is not None and found.extended is not None:
         names = " and ".join(extension.cause.name for extension in found.extended.extensions)
         gain = found.gain

@@ -103,6 +103,7 @@ def test_two_causes_are_called_two_and_sets_of_pairs_are_listed(file):
     assert "lacks two causes" in reported("named", ("sweep-drift", "slip"))
     several = reported("confusable", ("sweep-drift", "slip"), ("drying", "slip"))
     assert "two together are: sweep-drift with slip; drying with slip" in several
+    assert "\n\nWhat is left, without a name: " in reported("unexplained", ("slip",))
     assert pairs_in_question(concluded("named", ("sweep-drift", "slip"))) == []
     assert pairs_in_question(concluded("confusable", ("drying",), ("slip",))) == []
 
