@@ -57,7 +57,7 @@ _CONSIDERED = 6
 _FIRST, _SECOND = 3, 3
 """Causes of which pairs are made, and how many are put beside each."""
 _WORTH_A_LOOK = 0.02
-"""p-value of a cause alone above which it is not put into the model."""
+"""p-value of a cause alone above which it is not put into the model, unless none is smaller."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -176,27 +176,29 @@ def decide(
         return Decision("adequate", omnibus, {}, {}, (), {}, omnibus, omnibus.lead_of_free_forms({}))
 
     ranked = omnibus.ranked(names)
+    best = {name: row for name in ranked if (row := omnibus.best(name)) is not None}
     # One kind of noise for all, so that their misfits compare: the one that goes with the likeliest cause.
-    noise = family[omnibus.noises[omnibus.best(ranked[0]) or 0]] if ranked else family[0]
+    noise = family[omnibus.noises[best[ranked[0]]]] if ranked else family[0]
     freedom = len(residuals) - independent(fitted).shape[1]
 
     def put_in(added: Sequence[Alternative]) -> _Tried:
-        straight = linearly(added, noise)
-        refitted = straight if extend is None else extend(added, noise)
+        refitted = linearly(added, noise) if extend is None else extend(added, noise)
         inside = [alternative.name for alternative in added]
         visible = {(cause.name, cause.shape) for cause in causes if cause.name not in inside}
         others = [cause for cause in refitted.others if (cause.name, cause.shape) in visible]
         left = test(refitted.residuals, refitted.directions, [*others, *free_forms], 1.0, whole=False)
-        likelier = refitted.converged and 0.0 < refitted.misfit < straight.misfit
-        gained = 0.5 * freedom * math.log(straight.misfit / refitted.misfit) if likelier else 0.0
-        return _Tried(refitted.misfit, left, refitted.converged, gained)
+        return _Tried(refitted.misfit, left, refitted.converged)
 
-    alone: dict[str, _Tried] = {}
-    for name in ranked[:_CONSIDERED]:
-        row = omnibus.best(name)
-        if row is None or omnibus.log_p[row] > math.log(_WORTH_A_LOOK):
-            break
-        alone[name] = put_in([omnibus.alternatives[row]])
+    def gained(name: str, tried: _Tried) -> float:
+        """Nats by which a refit, the best shape in it, is likelier than the fit along the direction about the null."""
+        if not tried.converged:
+            return 0.0
+        straight = linearly([omnibus.alternatives[best[name]]], noise).misfit
+        return 0.5 * freedom * math.log(straight / tried.misfit) if 0.0 < tried.misfit < straight else 0.0
+
+    # The likeliest is always worth it: where few are looked for, one of p = 0.04 alone can be what was found.
+    worth = [name for name in ranked if name == ranked[0] or omnibus.log_p[best[name]] <= math.log(_WORTH_A_LOOK)]
+    alone = {name: put_in([omnibus.alternatives[best[name]]]) for name in worth[:_CONSIDERED]}
     alone = dict(sorted(alone.items(), key=lambda item: item[1].misfit))
     found = Decision(
         verdict="unexplained",
@@ -206,7 +208,7 @@ def decide(
         explanations=(),
         tests={name: one.left for name, one in alone.items()},
         last=omnibus,
-        lead=omnibus.lead_of_free_forms({name: one.gained for name, one in alone.items()}),
+        lead=omnibus.lead_of_free_forms({name: gained(name, one) for name, one in alone.items()}),
     )
     nameless = found.lead > LEAD_OF_FREE_FORMS
     singles = {} if nameless else _explanations({(name,): one for name, one in alone.items()}, UNEXPLAINED_LEVEL)
@@ -221,14 +223,11 @@ class _Tried:
         misfit: What the fit made least.
         left: The test of what it leaves.
         converged: Whether it did.
-        gained: Nats by which the refit is likelier than the fit along the directions as they are about the null model,
-            in the noise of all refits; the best shape is in it. Zero where the refit is worse, or did not converge.
     """
 
     misfit: float
     left: Evidence
     converged: bool
-    gained: float
 
 
 def _explanations(tried: dict[tuple[str, ...], _Tried], level: float) -> dict[tuple[str, ...], Evidence]:

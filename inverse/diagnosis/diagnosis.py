@@ -22,6 +22,7 @@ from inverse.diagnosis.where import Absorbed, Axis, Whiteness, absorbed_by_place
 VERDICTS = ("adequate", "named", "confusable", "unexplained", "noise-model", "fit-failure")
 LOWEST_LEVEL = 0.005
 """Twice the smallest p-value that the default number of replicates can show."""
+HIGHEST_LEVEL = 0.5
 DOMINANT_SHARE, DOMINANT_RATIO = 0.25, 2.0
 """A cause is named although something is left if it leaves at most this part of the sum of squares, and the next best
 cause leaves at least this many times as much."""
@@ -172,8 +173,8 @@ def require_level(level: float, replicates: int = REPLICATES) -> None:
     Raises:
         InputError: if it is out of range, or replicates are too few for it.
     """
-    if not LOWEST_LEVEL <= level < 1.0:
-        raise InputError(f"`level` must be from {LOWEST_LEVEL:g} to 1, got {level:g}.")
+    if not LOWEST_LEVEL <= level <= HIGHEST_LEVEL:
+        raise InputError(f"`level` must be from {LOWEST_LEVEL:g} to {HIGHEST_LEVEL:g}, got {level:g}.")
     needed = math.ceil(2.0 / level) - 1
     if replicates < needed:
         raise InputError(

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from inverse.diagnosis.decision import LEAD_OF_FREE_FORMS, UNEXPLAINED_LEVEL, Refitted, decide
 from inverse.diagnosis.evidence import evidence
@@ -41,6 +42,21 @@ WAVE = hidden(1.5 * CAUSES[0].directions[:, 0])
 
 def test_what_is_hidden_is_named():
     found = decided(WAVE, lambda added, _: projected(added))
+    assert found.verdict == "named" and found.named == ("wave",)
+
+
+def test_a_cause_that_is_looked_for_alone_is_put_in_though_hardly_found():
+    """Of p = 0.03: of many causes one like that is nothing, of one alone it is what was found."""
+    wave = CAUSES[0].directions[:, 0]
+    basis = np.linalg.qr(np.column_stack([FITTED, wave]))[0]
+    noise = np.random.default_rng(3).standard_normal(N)
+    noise -= basis @ (basis.T @ noise)
+    freedom = N - 3
+    t = stats.t.isf(0.5 * 0.03, freedom)
+    residuals = noise + t * np.linalg.norm(noise) / np.sqrt(freedom) * basis[:, 2]
+    ripple = Alternative("ripple", np.cos(31.0 * POSITION)[:, None])
+    found = decide(residuals, FITTED, CAUSES[:1], [ripple], FAMILY, np.random.default_rng(1))
+    assert np.exp(found.omnibus.log_p[0]) == pytest.approx(0.03, rel=1e-6)
     assert found.verdict == "named" and found.named == ("wave",)
 
 

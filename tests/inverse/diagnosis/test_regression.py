@@ -56,3 +56,9 @@ def test_too_few_replicates_for_a_level_are_refused():
     require_level(0.05, 39)
     with pytest.raises(InputError, match="`replicates` must be 39 or more"):
         require_level(0.05, 38)
+
+
+@pytest.mark.parametrize("level", [0.004, 0.6, 1.0])
+def test_a_level_that_means_nothing_is_refused(level):
+    with pytest.raises(InputError, match="`level` must be from 0.005 to 0.5"):
+        require_level(level)
