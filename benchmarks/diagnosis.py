@@ -3,6 +3,7 @@
 python -m benchmarks.diagnosis --quick                       # minutes
 python -m benchmarks.diagnosis --docs docs                   # goes on where it was stopped; table and figure into docs
 python -m benchmarks.diagnosis --workers 8                   # by eight processes at once
+python -m benchmarks.diagnosis --model zener --docs docs     # of conventional solids, by the conventional model
 
 The data come from `tests/blind`, which shares no code with the package, on seeds that chose no threshold
 (`--development` takes the others). Every data set is one line of `--out`, so that a run can be stopped at any time;
@@ -27,17 +28,18 @@ import arfjax as ax
 from benchmarks.diagnosis_docs import write_docs
 from benchmarks.diagnosis_limits import dma_design, limits, removed_limits
 from benchmarks.diagnosis_record import FIRST_TEST_SEED, arguments, code_of, recorded, stamp
-from benchmarks.diagnosis_studies import DMA_STUDY
+from benchmarks.diagnosis_studies import DMA_STUDY, ZENER_STUDY
 from benchmarks.diagnosis_summary import summarise
 from inverse.datasets.dma import read_dma
+from inverse.diagnosed import MODELS
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.dma_examination import examine_dma
 from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
 from inverse.diagnosis.examination import Examined
-from inverse.dma_fit import FRACTIONAL
 from tests.blind import dma_generator as blind
 
-TESTABLE = [name for name in blind.EFFECTS if name != "clamp-compliance"]
+STUDIES = {"fractional": DMA_STUDY, "zener": ZENER_STUDY}
+"""By the model that is fitted, which the solids are of."""
 NOISES = ("white", "tails", "correlated-0.3", "correlated-0.6", "loud", "understated")
 STRENGTHS = (3.0, 4.5, 6.0)
 UNKNOWN_STRENGTHS = (5.0, 9.0)
@@ -46,6 +48,7 @@ NULL_SETS = 16
 """In a round without an effect: a false alarm takes many sets to count and little time each."""
 SOURCES = ("inverse/diagnosis/*.py", "inverse/diagnosis/causes/*.py", "tests/blind/dma_generator.py")
 """Code that a record depends on; what it is built upon changes seldom, and says so in CHANGELOG.md."""
+_FIRST_SEED = {"fractional": FIRST_TEST_SEED, "zener": 2_000_000}
 _SEEDS_A_CONDITION = 1000
 _DEVELOPMENT_SEEDS_A_CONDITION = 200
 
@@ -60,6 +63,7 @@ class Condition:
         d_prime: Its strength; 0 where nothing is hidden.
         noise: Kind.
         share: Data sets in each round.
+        model: That is fitted.
     """
 
     part: str
@@ -67,29 +71,40 @@ class Condition:
     d_prime: float
     noise: str
     share: int
+    model: str = "fractional"
 
 
-def conditions() -> list[Condition]:
+def testable(model: str) -> list[str]:
+    """Effects that a fit of the solid does not imitate."""
+    return blind.shown(conventional=model == "zener")
+
+
+def conditions(model: str = "fractional") -> list[Condition]:
     """All of them; the place in this list fixes the seeds."""
-    known = [Condition("known", name, d, "white", 1) for d in STRENGTHS for name in TESTABLE]
-    null = [Condition("null", "none", 0.0, noise, NULL_SETS) for noise in NOISES]
-    unknown = [Condition("unknown", name, d, "white", 2) for d in UNKNOWN_STRENGTHS for name in blind.UNKNOWN]
-    removed = [Condition("removed", name, d, "white", 1) for d in UNKNOWN_STRENGTHS for name in TESTABLE]
+
+    def condition(part: str, name: str, d_prime: float, noise: str = "white", share: int = 1) -> Condition:
+        return Condition(part, name, d_prime, noise, share, model)
+
+    known = [condition("known", name, d) for d in STRENGTHS for name in testable(model)]
+    null = [condition("null", "none", 0.0, noise, NULL_SETS) for noise in NOISES]
+    unknown = [condition("unknown", name, d, share=2) for d in UNKNOWN_STRENGTHS for name in blind.UNKNOWN]
+    removed = [condition("removed", name, d) for d in UNKNOWN_STRENGTHS for name in testable(model)]
     return [*known, *null, *unknown, *removed]
 
 
-def measured(seed: int, **hidden) -> tuple[DmaProblem, dict]:
+def measured(seed: int, model: str = "fractional", **hidden) -> tuple[DmaProblem, dict]:
     """One data set, fitted, and its key."""
     with tempfile.TemporaryDirectory() as folder:
         data, key = Path(folder) / "data.csv", Path(folder) / "key.json"
-        blind.write(data, key, seed=seed, **hidden)
-        return dma_problem(read_dma(data), FRACTIONAL)[0], json.loads(key.read_text())
+        blind.write(data, key, seed=seed, conventional=model == "zener", **hidden)
+        return dma_problem(read_dma(data), MODELS[model])[0], json.loads(key.read_text())
 
 
 def one_set(condition: Condition, seed: int) -> dict:
     """What the diagnosis says of one data set, as a line of the record."""
     begun = time.perf_counter()
-    problem, key = measured(seed, name=condition.name, d_prime=condition.d_prime, noise=condition.noise)
+    hidden = {"name": condition.name, "d_prime": condition.d_prime, "noise": condition.noise}
+    problem, key = measured(seed, condition.model, **hidden)
     removed = condition.name if condition.part == "removed" else ""
     library = [cause for cause in DMA_CAUSES if cause.name != removed]
     found = examine_dma(problem, library, np.random.default_rng(seed), program=DMA_CAUSES)
@@ -107,6 +122,7 @@ def one_set(condition: Condition, seed: int) -> dict:
         "misfits": decision.misfits,
         "by score": decision.omnibus.ranked(list(dict.fromkeys(a.name for a in found.seen)))[:3],
         "left": decision.candidates,
+        "testable": condition.name in {alternative.name for alternative in found.seen},
     }
     if condition.part == "known" and condition.name in decision.candidates:
         line |= _strength(found, condition.name, key)
@@ -129,20 +145,20 @@ def _strength(found: Examined, name: str, key: dict) -> dict:
     }
 
 
-def _seed(place: int, number: int, development: bool) -> int:
+def _seed(place: int, number: int, development: bool, model: str = "fractional") -> int:
     if number >= (_DEVELOPMENT_SEEDS_A_CONDITION if development else _SEEDS_A_CONDITION):
         raise SystemExit("--sets: so many rounds would take seeds of other conditions; ask for fewer.")
     if development:
         return 200 + _DEVELOPMENT_SEEDS_A_CONDITION * place + number
-    return FIRST_TEST_SEED + _SEEDS_A_CONDITION * place + number
+    return _FIRST_SEED[model] + _SEEDS_A_CONDITION * place + number
 
 
-def planned(sets: int, development: bool) -> list[tuple[Condition, int]]:
+def planned(sets: int, development: bool, model: str = "fractional") -> list[tuple[Condition, int]]:
     """Conditions and seeds, a round of all conditions after the other."""
     return [
-        (condition, _seed(place, number * condition.share + part, development))
+        (condition, _seed(place, number * condition.share + part, development, model))
         for number in range(sets)
-        for place, condition in enumerate(conditions())
+        for place, condition in enumerate(conditions(model))
         for part in range(condition.share)
     ]
 
@@ -151,26 +167,31 @@ def main() -> None:
     """Measure, sum up and write."""
     parser = arguments(__doc__, out="diagnosis.jsonl", sets=25)
     parser.add_argument("--quick", action="store_true", help=f"{QUICK_SETS} rounds")
+    parser.add_argument("--model", choices=list(STUDIES), default="fractional", help="solid; each has its own --out")
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    sets = QUICK_SETS if given.quick else given.sets
-    lines = recorded(one_set, planned(sets, given.development), given, stamp(SOURCES))
+    sets, model = QUICK_SETS if given.quick else given.sets, given.model
+    lines = recorded(one_set, planned(sets, given.development, model), given, stamp(SOURCES))
+
+    def fitted(place: int, **hidden) -> DmaProblem:
+        return measured(_seed(place, 0, given.development, model), model, **hidden)[0]
 
     def quiet(name: str, d_prime: float) -> tuple[DmaProblem, float]:
-        hidden = {"name": name, "d_prime": d_prime, "noise": "none"}
-        return measured(_seed(0, 0, given.development), **hidden)[0], blind.NOISE
+        size = blind.NOISE_OF_CONVENTIONAL if model == "zener" else blind.NOISE
+        return fitted(0, name=name, d_prime=d_prime, noise="none"), size
 
-    designs = [dma_design(measured(_seed(place, 0, given.development), name="none")[0]) for place in range(5)]
+    designs = [dma_design(fitted(place, name="none")) for place in range(5)]
     summary = {
         "benchmark": "diagnosis",
+        "model": model,
         "seeds": "development" if given.development else "test",
         "code": code_of(lines, stamp(SOURCES)),
-        **summarise(lines, limits(designs, STRENGTHS), removed_limits(quiet, TESTABLE, UNKNOWN_STRENGTHS)),
+        **summarise(lines, limits(designs, STRENGTHS), removed_limits(quiet, testable(model), UNKNOWN_STRENGTHS)),
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }
     given.out.with_suffix(".json").write_text(json.dumps(summary, indent=2) + "\n")
     if given.docs is not None:
-        write_docs(summary, given.docs, DMA_STUDY)
+        write_docs(summary, given.docs, STUDIES[model])
 
 
 if __name__ == "__main__":
