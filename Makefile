@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all lint types format lock benchmark operating-characteristic operating-characteristic-hmi operating-characteristic-hmi-linear calibration clean
+.PHONY: demo test test-all lint types format lock benchmark operating-characteristic operating-characteristic-zener operating-characteristic-hmi operating-characteristic-hmi-linear calibration clean
 
 demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measurements
 	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data pyvisco_polymer) --out results/demo/dma
@@ -55,6 +55,9 @@ benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
 
 operating-characteristic: $(VENV)/.run  ## docs/operating_characteristic.md, in two hours; goes on where it was stopped
 	$(BIN)/python -m benchmarks.diagnosis --out results/benchmarks/diagnosis.jsonl --docs docs
+
+operating-characteristic-zener: $(VENV)/.run  ## the same for the conventional model
+	$(BIN)/python -m benchmarks.diagnosis --model zener --out results/benchmarks/diagnosis_zener.jsonl --docs docs
 
 operating-characteristic-hmi-linear: $(VENV)/.run  ## the same for displacement, on linear data, in half an hour
 	$(BIN)/python -m benchmarks.diagnosis_hmi_fast --docs docs --workers 2

@@ -49,9 +49,9 @@ _DMA_HIDDEN = (
 )
 _ZENER_HIDDEN = (
     f"Of {len(DMA_CAUSES)} causes {len(dma_generator.shown(conventional=True))} are hidden in turn: the fitted "
-    "constants imitate `clamp-compliance`. The solids are conventional, of one relaxation time in the middle of the "
-    "sweep; that of tissue is no such solid, and is so far from one (a d' of hundreds) that rates near the noise say "
-    "little of it."
+    "constants imitate `clamp-compliance`. The solids are conventional, with one relaxation time each, in the middle "
+    "of the sweep. Tissue of order 0.4 to 0.5 is far from any such solid (2 % of noise leaves that a d' of 44 to 50), "
+    "where rates near the noise say nothing."
 )
 _NO_EFFECT = [c.name for c in HMI_CAUSES if c.name not in (*hmi_effects.EFFECTS, *hmi_effects.UNSEEN)]
 _HMI_HIDDEN = (

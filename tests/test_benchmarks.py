@@ -102,6 +102,15 @@ def test_seeds_of_development_and_test_are_disjoint_and_no_two_sets_share_one():
             assert (max(seeds) < study.blind.TEST_SEEDS) == development
 
 
+def test_seeds_of_either_model_are_apart():
+    test, development = ({m: diagnosis.planned(12, d, m) for m in diagnosis.STUDIES} for d in (False, True))
+    seeds = {model: {seed for _, seed in todo} for model, todo in test.items()}
+    assert seeds["fractional"].isdisjoint(seeds["zener"])
+    assert max(seed for _, seed in development["zener"]) < diagnosis.blind.TEST_SEEDS <= min(seeds["zener"])
+    found = [{one.name for one, _ in todo} for todo in test.values()]
+    assert found[1] - found[0] == {"power-law-relaxation"} and {one.model for one, _ in test["zener"]} == {"zener"}
+
+
 def test_records_of_other_code_are_not_added_to_but_summed_up_and_said_to_be(tmp_path):
     (tmp_path / "new.txt").write_text("new")
     given = arguments("", out="any.jsonl", sets=1).parse_args(["--out", str(tmp_path / "some.jsonl")])

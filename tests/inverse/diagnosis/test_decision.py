@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from inverse.diagnosis.decision import LEAD_OF_FREE_FORMS, UNEXPLAINED_LEVEL, Refitted, decide
-from inverse.diagnosis.evidence import evidence
+from inverse.diagnosis.evidence import ALLOWANCE, evidence
 from inverse.diagnosis.noise import noise_family, series
 from inverse.diagnosis.screening import Alternative, Screen
 
@@ -188,6 +188,18 @@ def test_replicates_have_the_noise_that_goes_with_the_likeliest_cause(causes, av
     if not averaged:
         expected = np.eye(len(family))[found.null_noise if best is None else found.noises[best]]
     np.testing.assert_array_equal(drawn[0], expected)
+
+
+def test_not_to_know_the_noise_costs_an_allowance():
+    """Where there is but one kind, averaged or not is the same, so that p-values show nothing else."""
+    screen = Screen(FITTED, CAUSES, FAMILY)
+    free = np.zeros(len(CAUSES), dtype=bool)
+    for residuals in (WAVE, hidden(seed=11)):
+        likeliest, averaged = (
+            evidence(screen, residuals, np.random.default_rng(1), free, 1.0, 100, averaged=one) for one in (False, True)
+        )
+        np.testing.assert_allclose(averaged.p_family, np.minimum(ALLOWANCE * likeliest.p_family, 1.0), rtol=1e-12)
+        assert averaged.least_p == ALLOWANCE * likeliest.least_p <= averaged.p_value
 
 
 def test_noise_is_averaged_only_where_everything_is_tested(monkeypatch):

@@ -6,7 +6,7 @@ import inspect
 import numpy as np
 import pytest
 
-from inverse.datasets.dma import dma_data
+from inverse.datasets.dma import dma_data, read_dma
 from inverse.diagnosis import DMA_CAUSES, dma_examination
 from inverse.diagnosis.cause import Extension, every_shape
 from inverse.diagnosis.dma_diagnosis import repeats_of
@@ -14,7 +14,7 @@ from inverse.diagnosis.dma_problem import dma_problem
 from inverse.diagnosis.extended_fit import fit_extended
 from inverse.diagnosis.gain import held_out_gain
 from inverse.diagnosis.noise import noise_family
-from inverse.dma_fit import FRACTIONAL
+from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
 from tests.blind import dma_generator as blind
 
 FREQUENCY = np.geomspace(0.1, 100.0, 6)
@@ -125,3 +125,17 @@ def test_repeats_of_unequal_deviations_scatter_about_their_weighted_mean():
     expected = np.sqrt(np.mean((measured[:6] - measured[12:]) ** 2 / 5.0))
     found = repeats_of(weighted)
     assert found.freedom == 12 and found.scatter == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [(FRACTIONAL, "slip"), (FRACTIONAL, "sweep-drift"), (CONVENTIONAL, "slip"), (CONVENTIONAL, "power-law-relaxation")],
+)
+def test_what_a_fit_leaves_of_a_hidden_effect_is_what_its_key_says(tmp_path, model, name):
+    """The generator, whose fit is its own, finds the strength of a d' to 1e-3."""
+    conventional = model == CONVENTIONAL
+    hidden = {"name": name, "d_prime": 6.0, "noise": "none", "conventional": conventional}
+    blind.write(tmp_path / "data.csv", tmp_path / "key.json", seed=17, **hidden)
+    problem = dma_problem(read_dma(tmp_path / "data.csv"), model)[0]
+    size = blind.NOISE_OF_CONVENTIONAL if conventional else blind.NOISE
+    assert np.linalg.norm(problem.residuals()) / size == pytest.approx(6.0, rel=2e-3)
