@@ -57,9 +57,9 @@ operating-characteristic: $(VENV)/.run  ## docs/operating_characteristic.md, in 
 	$(BIN)/python -m benchmarks.diagnosis --out results/benchmarks/diagnosis.jsonl --docs docs
 
 operating-characteristic-zener: $(VENV)/.run  ## the same for the conventional model
-	$(BIN)/python -m benchmarks.diagnosis --model zener --out results/benchmarks/diagnosis_zener.jsonl --docs docs
+	$(BIN)/python -m benchmarks.diagnosis --model zener --docs docs
 
-operating-characteristic-hmi-linear: $(VENV)/.run  ## the same for displacement, on linear data, in half an hour
+operating-characteristic-hmi-linear: $(VENV)/.run  ## the same for displacement, on linear data, in three quarters of an hour
 	$(BIN)/python -m benchmarks.diagnosis_hmi_fast --docs docs --workers 2
 
 operating-characteristic-hmi: $(VENV)/.run  ## the same on simulated data, two hours a round; goes on where it was stopped

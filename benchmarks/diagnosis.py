@@ -29,7 +29,7 @@ from benchmarks.diagnosis_docs import write_docs
 from benchmarks.diagnosis_limits import dma_design, limits, removed_limits
 from benchmarks.diagnosis_record import FIRST_TEST_SEED, arguments, code_of, recorded, stamp
 from benchmarks.diagnosis_studies import DMA_STUDY, ZENER_STUDY
-from benchmarks.diagnosis_summary import summarise
+from benchmarks.diagnosis_summary import NO_DATA, summarise
 from inverse.datasets.dma import read_dma
 from inverse.diagnosed import MODELS
 from inverse.diagnosis import DMA_CAUSES
@@ -40,6 +40,8 @@ from tests.blind import dma_generator as blind
 
 STUDIES = {"fractional": DMA_STUDY, "zener": ZENER_STUDY}
 """By the model that is fitted, which the solids are of."""
+_RECORDS = {"fractional": "diagnosis.jsonl", "zener": "diagnosis_zener.jsonl"}
+_CONVENTIONAL = {"fractional": False, "zener": True}
 NOISES = ("white", "tails", "correlated-0.3", "correlated-0.6", "loud", "understated")
 STRENGTHS = (3.0, 4.5, 6.0)
 UNKNOWN_STRENGTHS = (5.0, 9.0)
@@ -49,6 +51,7 @@ NULL_SETS = 16
 SOURCES = ("inverse/diagnosis/*.py", "inverse/diagnosis/causes/*.py", "tests/blind/dma_generator.py")
 """Code that a record depends on; what it is built upon changes seldom, and says so in CHANGELOG.md."""
 _FIRST_SEED = {"fractional": FIRST_TEST_SEED, "zener": 2_000_000}
+"""Of rates, by model; curves have seeds between those."""
 _SEEDS_A_CONDITION = 1000
 _DEVELOPMENT_SEEDS_A_CONDITION = 200
 
@@ -76,7 +79,7 @@ class Condition:
 
 def testable(model: str) -> list[str]:
     """Effects that a fit of the solid does not imitate."""
-    return blind.shown(conventional=model == "zener")
+    return blind.shown(conventional=_CONVENTIONAL[model])
 
 
 def conditions(model: str = "fractional") -> list[Condition]:
@@ -96,7 +99,7 @@ def measured(seed: int, model: str = "fractional", **hidden) -> tuple[DmaProblem
     """One data set, fitted, and its key."""
     with tempfile.TemporaryDirectory() as folder:
         data, key = Path(folder) / "data.csv", Path(folder) / "key.json"
-        blind.write(data, key, seed=seed, conventional=model == "zener", **hidden)
+        blind.write(data, key, seed=seed, conventional=_CONVENTIONAL[model], **hidden)
         return dma_problem(read_dma(data), MODELS[model])[0], json.loads(key.read_text())
 
 
@@ -104,7 +107,12 @@ def one_set(condition: Condition, seed: int) -> dict:
     """What the diagnosis says of one data set, as a line of the record."""
     begun = time.perf_counter()
     hidden = {"name": condition.name, "d_prime": condition.d_prime, "noise": condition.noise}
-    problem, key = measured(seed, condition.model, **hidden)
+    try:
+        problem, key = measured(seed, condition.model, **hidden)
+    except ax.InputError:
+        raise
+    except ValueError as impossible:
+        return dataclasses.asdict(condition) | {"seed": seed, "verdict": NO_DATA, "why": str(impossible)}
     removed = condition.name if condition.part == "removed" else ""
     library = [cause for cause in DMA_CAUSES if cause.name != removed]
     found = examine_dma(problem, library, np.random.default_rng(seed), program=DMA_CAUSES)
@@ -163,21 +171,31 @@ def planned(sets: int, development: bool, model: str = "fractional") -> list[tup
     ]
 
 
+def _require_of_model(out: Path, model: str) -> None:
+    """Stop before rates of two solids are mixed; lines that name no model are of the fractional one."""
+    lines = [json.loads(row) for row in out.read_text().splitlines()] if out.exists() else []
+    if others := {line.get("model", "fractional") for line in lines} - {model}:
+        raise SystemExit(f"{out}: has data sets of the model {others.pop()}, not {model}; give another file as --out.")
+
+
 def main() -> None:
     """Measure, sum up and write."""
     parser = arguments(__doc__, out="diagnosis.jsonl", sets=25)
     parser.add_argument("--quick", action="store_true", help=f"{QUICK_SETS} rounds")
-    parser.add_argument("--model", choices=list(STUDIES), default="fractional", help="solid; each has its own --out")
+    parser.add_argument("--model", choices=list(STUDIES), default="fractional", help="solid; each has its own record")
+    parser.set_defaults(out=None)
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     sets, model = QUICK_SETS if given.quick else given.sets, given.model
+    given.out = given.out or Path("results/benchmarks") / _RECORDS[model]
+    _require_of_model(given.out, model)
     lines = recorded(one_set, planned(sets, given.development, model), given, stamp(SOURCES))
 
     def fitted(place: int, **hidden) -> DmaProblem:
         return measured(_seed(place, 0, given.development, model), model, **hidden)[0]
 
     def quiet(name: str, d_prime: float) -> tuple[DmaProblem, float]:
-        size = blind.NOISE_OF_CONVENTIONAL if model == "zener" else blind.NOISE
+        size = blind.noise_size(conventional=_CONVENTIONAL[model])
         return fitted(0, name=name, d_prime=d_prime, noise="none"), size
 
     designs = [dma_design(fitted(place, name="none")) for place in range(5)]

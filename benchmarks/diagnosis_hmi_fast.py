@@ -1,4 +1,4 @@
-"""How often the decision is right about curves of displacement, in half an hour: on linear data, nothing refitted.
+"""How often the decision is right about curves of displacement, on linear data, nothing refitted.
 
 python -m benchmarks.diagnosis_hmi_fast --docs docs --workers 2
 

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
+from arfjax import InputError
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.cause import Extension, every_shape
 from inverse.diagnosis.decision import UNEXPLAINED_LEVEL
@@ -130,7 +131,8 @@ def removed_limits(
     """What the best stand-in leaves of a cause that is not in the library, and who could see that.
 
     Args:
-        quiet: Data with a hidden effect of a d' without noise, fitted; and the size that the noise would have.
+        quiet: Data with a hidden effect of a d' without noise, fitted; and the size that the noise would have. Causes
+            of which it finds no such strength are left out.
         names: Causes to take out.
         strengths: d'.
 
@@ -141,7 +143,12 @@ def removed_limits(
     found: Limits = {}
     for d_prime in strengths:
         for name in names:
-            problem, size = quiet(name, d_prime)
+            try:
+                problem, size = quiet(name, d_prime)
+            except InputError:
+                raise
+            except ValueError:  # no strength of it has that d'
+                continue
             refit = min(_stand_ins(problem, name), key=lambda one: one.misfit)
             left = refit.residuals / size
             length = float(np.linalg.norm(left))

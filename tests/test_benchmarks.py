@@ -78,9 +78,11 @@ def test_benchmark_of_the_fast_model_runs(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-def test_benchmark_of_the_diagnosis_goes_on_where_it_stopped(tmp_path, monkeypatch):
+@pytest.mark.parametrize("model", ["fractional", "zener"])
+def test_benchmark_of_the_diagnosis_goes_on_where_it_stopped(tmp_path, monkeypatch, model):
     out = tmp_path / "diagnosis.jsonl"
     given = ["diagnosis", "--out", str(out), "--docs", str(tmp_path / "docs"), "--only", "null", "--development"]
+    given += ["--model", model]
     monkeypatch.setattr(diagnosis, "NOISES", ("white",))
     monkeypatch.setattr(diagnosis, "NULL_SETS", 2)
     for count in (1, 2):
@@ -88,9 +90,12 @@ def test_benchmark_of_the_diagnosis_goes_on_where_it_stopped(tmp_path, monkeypat
         diagnosis.main()
         lines = [json.loads(row) for row in out.read_text().splitlines()]
         assert len(lines) == len({line["seed"] for line in lines}) == 2 * count
+        assert {line["model"] for line in lines} == {model}
     found = json.loads(out.with_suffix(".json").read_text())
     assert found["null"]["white"]["alarm"]["sets"] == 4 and found["seeds"] == "development"
-    assert (tmp_path / "docs" / DMA_STUDY.picture).exists()
+    study = diagnosis.STUDIES[model]
+    assert (tmp_path / "docs" / study.picture).exists()
+    assert study.title in (tmp_path / "docs" / study.page).read_text()
 
 
 def test_seeds_of_development_and_test_are_disjoint_and_no_two_sets_share_one():
@@ -109,6 +114,20 @@ def test_seeds_of_either_model_are_apart():
     assert max(seed for _, seed in development["zener"]) < diagnosis.blind.TEST_SEEDS <= min(seeds["zener"])
     found = [{one.name for one, _ in todo} for todo in test.values()]
     assert found[1] - found[0] == {"power-law-relaxation"} and {one.model for one, _ in test["zener"]} == {"zener"}
+
+
+def test_rates_of_two_models_are_not_mixed(tmp_path, monkeypatch):
+    (tmp_path / "old.jsonl").write_text('{"part": "null", "seed": 5, "stamp": "any"}\n')
+    monkeypatch.setattr(sys, "argv", ["diagnosis", "--out", str(tmp_path / "old.jsonl"), "--model", "zener"])
+    with pytest.raises(SystemExit, match=r"old.jsonl: has data sets of the model fractional, not zener"):
+        diagnosis.main()
+
+
+def test_an_effect_of_which_no_strength_is_so_large_is_no_data():
+    """Beside a relaxation of nearly the same time a second one is imitated, the better the stronger it is."""
+    line = diagnosis.one_set(diagnosis.Condition("removed", "second-relaxation", 9.0, "white", 1, "zener"), 2_075_002)
+    assert line["verdict"] == NO_DATA and line["seed"] == 2_075_002 and line["model"] == "zener"
+    assert line["why"] == "no strength of second-relaxation leaves d' = 9"
 
 
 def test_records_of_other_code_are_not_added_to_but_summed_up_and_said_to_be(tmp_path):

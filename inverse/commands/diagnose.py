@@ -15,7 +15,7 @@ from inverse.diagnosed import MODELS, Diagnosed, diagnose
 from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES
 from inverse.diagnosis.cause import Cause
 from inverse.diagnosis.choice import find_causes
-from inverse.diagnosis.diagnosis import require_level
+from inverse.diagnosis.diagnosis import HIGHEST_LEVEL, LOWEST_LEVEL, require_level
 from inverse.diagnosis.dma_problem import usable_sweeps
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
 from inverse.diagnosis.report import pairs_in_question
@@ -66,7 +66,7 @@ def diagnose_command(
     ),
     causes: Annotated[str, typer.Option(help="Names to look for, by commas; all without.")] = "",
     level: Annotated[
-        float, typer.Option(help="Chance of finding fault with a right model.", min=0.005, max=0.5)
+        float, typer.Option(help="Chance of finding fault with a right model.", min=LOWEST_LEVEL, max=HIGHEST_LEVEL)
     ] = 0.05,
     seed: Annotated[int, typer.Option(help="Seed of starts and replicates.", min=0)] = 0,
     trust_units: Annotated[bool, typer.Option("--trust-units", help="Believe units that look wrong.")] = False,

@@ -5,7 +5,8 @@ r"""From statistics to a verdict, at stated error rates.
    causes together and free forms together: noise of unknown kind makes p-values of large free forms small by chance,
    and untouched they would take the causes' power (measured: 85 instead of 92 of 100 effects of d' = 4.5 found). A free
    form has to be `FREE_FORM_HANDICAP` times as improbable as a cause. Replicates are in the noise that goes with the
-   likeliest cause; where data are few, in all kinds of noise, each as often as it is likely with that cause.
+   likeliest cause; where data are few, in all kinds of noise, each as often as it is likely with that cause, and
+   p-values are multiplied by an `ALLOWANCE`.
 2. *Which cause?* Every cause that could be the one is put into the model, and everything else is tested again: a cause
    after which nothing is left stays possible: a true one that is tried is left out with probability `SET_LEVEL`.
 3. *Two causes?* Where one does not do, the likeliest causes of what it leaves that have `NEEDED` there are put in
@@ -57,7 +58,7 @@ _CONSIDERED = 6
 _FIRST, _SECOND = 3, 3
 """Causes of which pairs are made, and how many are put beside each."""
 _WORTH_A_LOOK = 0.02
-"""p-value of a cause alone above which it is not put into the model, unless none is smaller."""
+"""p-value of a cause alone above which it is not put into the model; of the likeliest the level, if that is more."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -156,7 +157,7 @@ def decide(
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that the levels are calibrated on.
         averaged: Whether the replicates of the test of everything are in noise of all kinds, each as often as it is
-            likely: where data are so few that the likeliest is often another one than theirs.
+            likely: where data are so few that the likeliest is often another one than theirs. With the `ALLOWANCE`.
     """
     names = list(dict.fromkeys(cause.name for cause in causes))
 
@@ -196,8 +197,9 @@ def decide(
         straight = linearly([omnibus.alternatives[best[name]]], noise).misfit
         return 0.5 * freedom * math.log(straight / tried.misfit) if 0.0 < tried.misfit < straight else 0.0
 
-    # The likeliest is always worth it: where few are looked for, one of p = 0.04 alone can be what was found.
-    worth = [name for name in ranked if name == ranked[0] or omnibus.log_p[best[name]] <= math.log(_WORTH_A_LOOK)]
+    # Where few are looked for, one of p = 0.04 alone can be what was found.
+    at_most = {name: max(_WORTH_A_LOOK, level) if name == ranked[0] else _WORTH_A_LOOK for name in ranked}
+    worth = [name for name in ranked if omnibus.log_p[best[name]] <= math.log(at_most[name])]
     alone = {name: put_in([omnibus.alternatives[best[name]]]) for name in worth[:_CONSIDERED]}
     alone = dict(sorted(alone.items(), key=lambda item: item[1].misfit))
     found = Decision(

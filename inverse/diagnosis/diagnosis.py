@@ -11,6 +11,7 @@ from jaxtyping import Float
 from arfjax import InputError
 from inverse.diagnosis.cause import Cause, Extension
 from inverse.diagnosis.decision import REPLICATES, Decision
+from inverse.diagnosis.evidence import ALLOWANCE
 from inverse.diagnosis.examination import DETECTABLE, Examined, FullFit, NotTestable
 from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.noise import Noise
@@ -20,9 +21,9 @@ from inverse.diagnosis.screening import Screen
 from inverse.diagnosis.where import Absorbed, Axis, Whiteness, absorbed_by_places, whiteness
 
 VERDICTS = ("adequate", "named", "confusable", "unexplained", "noise-model", "fit-failure")
-LOWEST_LEVEL = 0.005
-"""Twice the smallest p-value that the default number of replicates can show."""
-HIGHEST_LEVEL = 0.5
+LOWEST_LEVEL, HIGHEST_LEVEL = 0.005, 0.5
+"""Twice the smallest p-value that the default number of replicates can show, before any `ALLOWANCE`; and what is still
+a level."""
 DOMINANT_SHARE, DOMINANT_RATIO = 0.25, 2.0
 """A cause is named although something is left if it leaves at most this part of the sum of squares, and the next best
 cause leaves at least this many times as much."""
@@ -73,7 +74,7 @@ class CauseReport:
         cause: Which.
         shape: Value of its second parameter that fits best, or None.
         statistic: t of its strength.
-        p_value: That noise alone gives any cause or free form as improbable a value.
+        p_value: That noise alone gives any cause or free form as improbable a value; of curves with the `ALLOWANCE`.
         p_alone: p-value of this cause by itself.
         estimate: Strength, refitted in full where it was put into the model, else from the linearisation, in the
             likeliest noise without any cause: where t says that nothing is there, the interval holds 0.
@@ -179,7 +180,7 @@ def require_level(level: float, replicates: int = REPLICATES) -> None:
     if replicates < needed:
         raise InputError(
             f"`replicates` must be {needed} or more to show a level of {level:g}, got {replicates}: the least p-value "
-            "that n of them can show is 1/(n + 1)."
+            f"that n of them can show is 1/(n + 1), of curves {ALLOWANCE:g} times that."
         )
 
 

@@ -29,17 +29,17 @@ class Evidence:
     """What a test of everything at once says.
 
     Attributes:
-        p_value: That noise alone gives something as improbable.
+        p_value: That noise alone gives something as improbable; where replicates are averaged, times `ALLOWANCE`.
         statistic: Minus the logarithm of the smallest calibrated p-value, over what noise alone gives in one of twenty.
         alternatives: What was tested.
         log_p: Logarithm of the p-value of each alternative alone.
-        p_family: The same for the whole family: that noise alone gives any alternative as improbable a value.
+        p_family: That noise alone gives any alternative as improbable a value, with the same allowance.
         calibrated: The same over what noise alone gives in one of twenty, causes among causes, free forms among these.
         free: Which alternatives are free forms.
         statistics: t of each cause, and twice the gain of the log-likelihood of each free form of several directions.
         noises: The noise member that each alternative goes with.
         null_noise: The noise member without any alternative.
-        least_p: The least p-value that as many replicates can show.
+        least_p: The least p-value that as many replicates can show, with it, too.
     """
 
     p_value: float
@@ -151,8 +151,9 @@ def _noise_of_replicates(
     many false alarms in noise of every kind (144 and 600 sets for development). With a free form in the model it is the
     other way round: many terms absorb correlated noise, and on replicates of white noise nothing is ever so large.
 
-    One kind alone is often the wrong one where data are few. Development sets of 57 readings, likeliest -> averaged: in
-    noise correlated by 0.3 false alarms 8.3 -> 6.2 of 100 (480 sets); effects of d' 4.5 found 92.6 -> 91.6 (1020 sets).
+    One kind alone is often the wrong one where data are few. Development sets of 57 readings, of other designs than
+    those of `ALLOWANCE`, likeliest -> averaged: in noise correlated by 0.3 false alarms 8.3 -> 6.2 of 100 (480 sets);
+    effects of d' 4.5 found 92.6 -> 91.6 (1020 sets).
     A dynamic mechanical analysis has more to lose: 8.1 -> 5.4 and 92.5 -> 89.8 (186 sets each). What a cause leaves is
     judged in the likeliest: averaged, 33 instead of 44 of 100 causes taken out were unexplained (85 sets).
     """

@@ -164,6 +164,8 @@ def _beyond_causes(found: Diagnosis) -> list[str]:
         return []
     if not found.causes:
         return ["These data can see none of the causes that were looked for.", ""]
+    if not decision.candidates:
+        return ["None of the causes that were looked for is likely enough by itself to be put into the model.", ""]
     if not LEAD_OF_FREE_FORMS < decision.lead < math.inf:
         return []
     said = (

@@ -8,7 +8,7 @@ on data without noise: a projection in one linearisation overstates effects of a
 relaxation of 9 by projection leaves 5 after the fit).
 
 The solid is the fractional one, or the conventional one of one relaxation time, measured more closely: little is left
-of its loss at both ends of a sweep, and noise must not make that negative.
+of its loss at both ends of a sweep, and noise should seldom make that negative.
 
 Tests use seeds from `TEST_SEEDS` on; `benchmarks.diagnosis_record` says which ones were used in development, and which
 are of rates.
@@ -39,7 +39,7 @@ class Measurement:
     @property
     def noise(self) -> float:
         """Standard deviation of the logarithm of the modulus."""
-        return NOISE_OF_CONVENTIONAL if self.conventional else NOISE
+        return noise_size(conventional=self.conventional)
 
     @property
     def omega(self) -> np.ndarray:
@@ -50,6 +50,11 @@ class Measurement:
         """Share of each sweep that has passed."""
         begun = self.clock.min(axis=1, keepdims=True)
         return (self.clock - begun) / (self.clock.max(axis=1, keepdims=True) - begun)
+
+
+def noise_size(*, conventional: bool = False) -> float:
+    """Of measurements of either solid."""
+    return NOISE_OF_CONVENTIONAL if conventional else NOISE
 
 
 def draw_measurement(rng: np.random.Generator, *, shuffled: bool = False, conventional: bool = False) -> Measurement:

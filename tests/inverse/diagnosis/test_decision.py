@@ -199,7 +199,17 @@ def test_not_to_know_the_noise_costs_an_allowance():
             evidence(screen, residuals, np.random.default_rng(1), free, 1.0, 100, averaged=one) for one in (False, True)
         )
         np.testing.assert_allclose(averaged.p_family, np.minimum(ALLOWANCE * likeliest.p_family, 1.0), rtol=1e-12)
-        assert averaged.least_p == ALLOWANCE * likeliest.least_p <= averaged.p_value
+        assert averaged.least_p == pytest.approx(ALLOWANCE * likeliest.least_p, rel=1e-12)
+        assert averaged.least_p <= averaged.p_value
+
+
+def test_a_cause_for_which_nothing_speaks_is_not_put_in():
+    """Something is found, and it is nothing that the one that is looked for would do."""
+    ripple, _, noise = beside_a_wave(0.0)
+    form = Alternative("ripple", ripple[:, None])
+    found = decide(8.0 * ripple + noise, FITTED, CAUSES[:1], [form], FAMILY, np.random.default_rng(1))
+    assert np.exp(found.omnibus.log_p[0]) > 0.05
+    assert found.verdict == "unexplained" and found.candidates == {} and found.possible == ()
 
 
 def test_noise_is_averaged_only_where_everything_is_tested(monkeypatch):

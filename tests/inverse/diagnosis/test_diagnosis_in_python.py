@@ -122,10 +122,12 @@ def test_the_terminal_says_which_pairs_and_which_columns_were_not_used(file, tmp
     assert "Columns not used: tyme_s." in shown
 
 
-def test_that_no_cause_can_be_seen_is_said(file):
+def test_that_no_cause_was_likely_enough_to_be_tried_is_said(file):
     found = inverse.diagnose(file, causes=["slip"], gain=False).details
     assert found.decision is not None
     decision = dataclasses.replace(found.decision, verdict="unexplained", explanations=(), candidates={}, lead=9.0)
+    text = report(dataclasses.replace(found, verdict="unexplained", decision=decision), "these data", [])
+    assert "None of the causes that were looked for is likely enough" in text and "9 nat" not in text
     unseen = dataclasses.replace(found, verdict="unexplained", decision=decision, causes=())
     assert "These data can see none of the causes that were looked for" in report(unseen, "these data", [])
 

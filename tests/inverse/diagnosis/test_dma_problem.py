@@ -137,5 +137,5 @@ def test_what_a_fit_leaves_of_a_hidden_effect_is_what_its_key_says(tmp_path, mod
     hidden = {"name": name, "d_prime": 6.0, "noise": "none", "conventional": conventional}
     blind.write(tmp_path / "data.csv", tmp_path / "key.json", seed=17, **hidden)
     problem = dma_problem(read_dma(tmp_path / "data.csv"), model)[0]
-    size = blind.NOISE_OF_CONVENTIONAL if conventional else blind.NOISE
+    size = blind.noise_size(conventional=conventional)
     assert np.linalg.norm(problem.residuals()) / size == pytest.approx(6.0, rel=2e-3)
