@@ -5,18 +5,25 @@ import math
 from collections.abc import Sequence
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy import optimize, stats
 
-from inverse.diagnosis.cause import DmaCause, DmaConditions, Extension
-from inverse.diagnosis.dma_problem import DmaProblem, predict_coordinates
+from inverse.diagnosis.cause import DmaCause, Extension
+from inverse.diagnosis.dma_problem import DmaProblem
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.regression import INTERVAL_LEVEL
 from inverse.diagnosis.screening import Alternative
-from inverse.parameters import Parameter, constrain, unconstrain
+from inverse.diagnosis.white_residual import (
+    WhiteResidual,
+    constants_of,
+    plain_of,
+    strength_scales,
+    unconstrained_constants,
+    white_and_slope,
+    whitened,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,24 +120,26 @@ class Refit:
         rough = [
             self.solve(start, self._everything, shapes=shapes, tolerance=_ROUGH) for shapes in self._starting_shapes()
         ]
-        squares = [float(np.sum(np.asarray(_white(self.white, jnp.asarray(one[0]), self._all)) ** 2)) for one in rough]
+        squares = [
+            float(np.sum(np.asarray(whitened(self.white, jnp.asarray(one[0]), self._all)) ** 2)) for one in rough
+        ]
         best = rough[int(np.argmin(squares))][0]
         unknowns, converged, status = self._solve(best, self._moved, self._everything)
         white, jacobian = self._at(unknowns, self._moved)
-        errors, freedom = _errors(jacobian, white, len(self.extensions))
+        count, shaped = len(self.extensions), [e.has_shape for e in self.extensions]
+        errors, freedom = _errors(jacobian, white, count + sum(shaped))
         reach = float(stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, freedom))
-        ends = unknowns[self._strengths, None] + reach * errors[:, None] * np.array([-1.0, 1.0])
+        ends = unknowns[self._strengths, None] + reach * errors[:count, None] * np.array([-1.0, 1.0])
         if profile:
             square = float(white @ white) * (1.0 + reach**2 / freedom)
-            for which, extension in enumerate(self.extensions):
-                if extension.has_shape:
-                    ends[which] = self._profiled(which, unknowns, square)
+            for which, error in zip(np.flatnonzero(shaped).tolist(), errors[count:], strict=True):
+                ends[which] = self._profiled(which, unknowns, square, reach * float(error))
         shapes = [float(shape) for shape in unknowns[self._shapes]]
         return ExtendedFit(
             extensions=tuple(Extension(e.cause, shape) for e, shape in zip(self.extensions, shapes, strict=True)),
             strengths=unknowns[self._strengths] * self._scales,
             intervals=np.clip(ends, self._range[:, :1], self._range[:, 1:]) * self._scales[:, None],
-            constants=np.asarray(_constants(self.white, jnp.asarray(unknowns))),
+            constants=np.asarray(constants_of(self.white, jnp.asarray(unknowns))),
             residuals=self.plain(unknowns),
             directions=self._plain_slope(unknowns)[:, self._moved],
             others=self._others(unknowns),
@@ -162,7 +171,7 @@ class Refit:
             it converged; and how it ended.
         """
         if constants is None:
-            constants = np.asarray(_unconstrained(self.white.parameters, jnp.asarray(self.problem.moved)))
+            constants = np.asarray(unconstrained_constants(self.white.parameters, jnp.asarray(self.problem.moved)))
         free = constants.ravel()
         strengths, causes = start / self._scales, self.white.causes
         first = np.concatenate(
@@ -200,11 +209,11 @@ class Refit:
 
     def own_constants(self, used: Bool[np.ndarray, " row"]) -> Float[np.ndarray, "sweep n"]:
         """Constants, unconstrained, that fit the rows in use without any extension; other rows are not looked at."""
-        return np.asarray(_unconstrained(self.white.parameters, jnp.asarray(self.problem.moved_by(used))))
+        return np.asarray(unconstrained_constants(self.white.parameters, jnp.asarray(self.problem.moved_by(used))))
 
     def plain(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " n"]:
         """Measured less predicted, weighted but not whitened."""
-        return np.asarray(_plain(self.white, jnp.asarray(unknowns)))
+        return np.asarray(plain_of(self.white, jnp.asarray(unknowns)))
 
     def _plain_slope(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "n unknown"]:
         """Derivative of the weighted prediction in all unknowns, not whitened."""
@@ -213,7 +222,7 @@ class Refit:
             self.white,
             (np.zeros_like(self.white.log_deviation), jnp.zeros(())),
         )
-        return -np.asarray(_white_and_slope(flat, jnp.asarray(unknowns), self._all)[1])
+        return -np.asarray(white_and_slope(flat, jnp.asarray(unknowns), self._all)[1])
 
     def _others(self, unknowns: Float[np.ndarray, " unknown"]) -> tuple[Alternative, ...]:
         causes, found = self.white.causes, []
@@ -229,7 +238,7 @@ class Refit:
         return tuple(found)
 
     def _at(self, unknowns, moved) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n unknown"]]:
-        white, jacobian = _white_and_slope(self.white, jnp.asarray(unknowns), self._all)
+        white, jacobian = white_and_slope(self.white, jnp.asarray(unknowns), self._all)
         return np.asarray(white), np.asarray(jacobian)[:, moved]
 
     def _solve(self, first, moved, used, tolerance=1e-10) -> tuple[Float[np.ndarray, " unknown"], bool, str]:
@@ -247,7 +256,7 @@ class Refit:
                 kept.clear()
                 whole = first.copy()
                 whole[moved] = part
-                value, slope = _white_and_slope(self.white, jnp.asarray(whole), mask)
+                value, slope = white_and_slope(self.white, jnp.asarray(whole), mask)
                 kept[key] = np.asarray(value), np.asarray(slope)[:, moved]
             return kept[key]
 
@@ -265,15 +274,20 @@ class Refit:
         unknowns[moved] = solution.x
         return unknowns, bool(solution.success), str(solution.message)
 
-    def _profiled(self, which: int, best: Float[np.ndarray, " unknown"], square: float) -> Float[np.ndarray, " 2"]:
+    def _profiled(
+        self, which: int, best: Float[np.ndarray, " unknown"], square: float, reach: float
+    ) -> Float[np.ndarray, " 2"]:
         """Strengths whose best sum of squares over shapes and constants stays below a bound.
 
         At a given shape the sum of squares is a parabola in the strength as good as anything; shapes are tried one by
-        one because the strength that fits bends with them.
+        one because the strength that fits bends with them: over all that there are, and closely over those that the
+        curvature at the best allows (`reach` to both sides), which may lie between two of the former.
         """
         shapes, place = self.extensions[which].cause.shapes, self._shapes[which]
+        near = best[place] + min(reach, shapes[-1] - shapes[0]) * np.linspace(-1.0, 1.0, _PROFILED)
+        tried = np.append(np.linspace(shapes[0], shapes[-1], _PROFILED), np.clip(near, shapes[0], shapes[-1]))
         ends = []
-        for shape in np.unique(np.append(np.linspace(shapes[0], shapes[-1], _PROFILED), best[place])):
+        for shape in np.unique(np.append(tried, best[place])):
             first = best.copy()
             first[place] = shape
             unknowns = self._solve(first, self._fixed_shapes, self._everything)[0]
@@ -301,90 +315,7 @@ _FARTHEST = 12.0
 _BEYOND = 30.0
 """Unconstrained numbers at which the solver turns back before anything overflows."""
 _PROFILED = 9
-"""Shapes at which the strength is profiled, beside the best."""
-
-
-def strength_scales(causes: Sequence[DmaCause]) -> Float[np.ndarray, " cause"]:
-    """Plausible strengths, in which the solver counts."""
-    return np.array([cause.plausible for cause in causes], dtype=float)
-
-
-class WhiteResidual(eqx.Module):
-    """Whitened residuals as a function of strengths, shapes and unconstrained constants."""
-
-    conditions: DmaConditions
-    parameters: tuple[tuple[Parameter, ...], ...]
-    measured: Float[np.ndarray, "row coordinate"]
-    weights: Float[np.ndarray, "row coordinate"]
-    log_deviation: Float[np.ndarray, " n"]
-    previous: Int[np.ndarray, " n"]
-    scales: Float[np.ndarray, " cause"]
-    correlation: Float[Array, ""]
-    causes: tuple[DmaCause, ...]
-    fractional: bool = eqx.field(static=True)
-    has_phase: bool = eqx.field(static=True)
-
-    def __init__(self, problem: DmaProblem, causes: tuple[DmaCause, ...], noise: Noise) -> None:
-        """Take what is needed from the problem."""
-        self.conditions = problem.conditions
-        # As arrays, so that other data of the same shape need no new compilation.
-        self.parameters = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), problem.parameters)
-        self.measured, self.weights = problem.measured, problem.weights
-        self.log_deviation, self.previous = noise.log_deviation, noise.ordering.previous
-        self.correlation = jnp.asarray(noise.correlation)
-        self.scales = strength_scales(causes)
-        self.causes = causes
-        self.fractional, self.has_phase = problem.model.fractional, problem.has_phase
-
-    def constants(self, unknowns: Float[Array, " unknown"]) -> Float[Array, "sweep 4"]:
-        """Reported constants of every sweep; order 1 for the conventional solid."""
-        rows = unknowns[2 * len(self.causes) :].reshape(len(self.parameters), -1)
-        values = [constrain(one, row) for one, row in zip(self.parameters, rows, strict=True)]
-        moved = jnp.stack(values)
-        order = moved[:, 3:] if self.fractional else jnp.ones((len(values), 1))
-        return jnp.concatenate([moved[:, :1], moved[:, :1] + moved[:, 1:2], moved[:, 2:3], order], axis=1)
-
-    def plain(self, unknowns: Float[Array, " unknown"]) -> Float[Array, " n"]:
-        """Measured less predicted, weighted."""
-        count = len(self.causes)
-        shapes = unknowns[count : 2 * count]
-        extensions = tuple(Extension(cause, shapes[i]) for i, cause in enumerate(self.causes))
-        predicted = predict_coordinates(
-            self.constants(unknowns), self.conditions, extensions, unknowns[:count] * self.scales, self.has_phase
-        )
-        return jnp.ravel(self.weights * (self.measured - predicted))
-
-    def __call__(self, unknowns: Float[Array, " unknown"], mask: Float[Array, " n"]) -> Float[Array, " n"]:
-        """The same in coordinates in which the noise is white; what the mask leaves out is zero."""
-        scaled = mask * self.plain(unknowns) * jnp.exp(-self.log_deviation)
-        later = (self.previous >= 0) & (mask[self.previous] > 0.0)
-        innovation = (scaled - self.correlation * scaled[self.previous]) / jnp.sqrt(1.0 - self.correlation**2)
-        return mask * jnp.where(later, innovation, scaled)
-
-
-@eqx.filter_jit
-def _white_and_slope(residual_of: WhiteResidual, unknowns, mask):
-    return residual_of(unknowns, mask), jax.jacfwd(residual_of)(unknowns, mask)
-
-
-@eqx.filter_jit
-def _white(residual_of: WhiteResidual, unknowns, mask):
-    return residual_of(unknowns, mask)
-
-
-@eqx.filter_jit
-def _plain(residual_of: WhiteResidual, unknowns):
-    return residual_of.plain(unknowns)
-
-
-@eqx.filter_jit
-def _unconstrained(parameters, moved):
-    return jnp.stack([unconstrain(one, row) for one, row in zip(parameters, moved, strict=True)])
-
-
-@eqx.filter_jit
-def _constants(residual_of: WhiteResidual, unknowns):
-    return residual_of.constants(unknowns)
+"""Shapes at which the strength is profiled: so many over all, and about the best."""
 
 
 def _errors(jacobian, white, count: int) -> tuple[Float[np.ndarray, " extension"], int]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from inverse.datasets.dma import dma_data, read_dma
-from inverse.diagnosis import DMA_CAUSES, dma_examination
+from inverse.diagnosis import DMA_CAUSES, dma_examination, extended_fit
 from inverse.diagnosis.cause import Extension, every_shape
 from inverse.diagnosis.dma_diagnosis import repeats_of
 from inverse.diagnosis.dma_problem import dma_problem
@@ -139,3 +139,20 @@ def test_what_a_fit_leaves_of_a_hidden_effect_is_what_its_key_says(tmp_path, mod
     problem = dma_problem(read_dma(tmp_path / "data.csv"), model)[0]
     size = blind.noise_size(conventional=conventional)
     assert np.linalg.norm(problem.residuals()) / size == pytest.approx(6.0, rel=2e-3)
+
+
+def test_an_interval_holds_what_shapes_between_those_of_a_coarse_list_allow(tmp_path, monkeypatch):
+    """Close to the relaxation of the solid a second one fits, weaker or stronger, within a tenth of the sweep."""
+    hidden = {"name": "second-relaxation", "d_prime": 6.0, "conventional": True}
+    blind.write(tmp_path / "data.csv", tmp_path / "key.json", seed=12212, **hidden)
+    problem = dma_problem(read_dma(tmp_path / "data.csv"), CONVENTIONAL)[0]
+    white = noise_family(problem.orderings(), problem.frequencies())[0]
+    second = [Extension(next(one for one in DMA_CAUSES if one.name == "second-relaxation"), 0.55)]
+    ends = {}
+    for count in (9, 41):
+        monkeypatch.setattr(extended_fit, "_PROFILED", count)
+        ends[count] = fit_extended(problem, second, white, np.array([0.1]), library=DMA_CAUSES).intervals[0]
+    width = float(np.ptp(ends[41]))
+    # The ends are highest and lowest points of an ellipse over the shape, met to an eighth of its reach: to 4 % of the
+    # width where shape and strength are correlated by 0.95.
+    np.testing.assert_allclose(ends[9], ends[41], atol=0.05 * width)
