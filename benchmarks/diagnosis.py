@@ -41,7 +41,6 @@ from tests.blind import dma_generator as blind
 STUDIES = {"fractional": DMA_STUDY, "zener": ZENER_STUDY}
 """By the model that is fitted, which the solids are of."""
 _RECORDS = {"fractional": "diagnosis.jsonl", "zener": "diagnosis_zener.jsonl"}
-_CONVENTIONAL = {"fractional": False, "zener": True}
 NOISES = ("white", "tails", "correlated-0.3", "correlated-0.6", "loud", "understated")
 STRENGTHS = (3.0, 4.5, 6.0)
 UNKNOWN_STRENGTHS = (5.0, 9.0)
@@ -79,7 +78,7 @@ class Condition:
 
 def testable(model: str) -> list[str]:
     """Effects that a fit of the solid does not imitate."""
-    return blind.shown(conventional=_CONVENTIONAL[model])
+    return blind.shown(conventional=not MODELS[model].fractional)
 
 
 def conditions(model: str = "fractional") -> list[Condition]:
@@ -99,7 +98,7 @@ def measured(seed: int, model: str = "fractional", **hidden) -> tuple[DmaProblem
     """One data set, fitted, and its key."""
     with tempfile.TemporaryDirectory() as folder:
         data, key = Path(folder) / "data.csv", Path(folder) / "key.json"
-        blind.write(data, key, seed=seed, conventional=_CONVENTIONAL[model], **hidden)
+        blind.write(data, key, seed=seed, conventional=not MODELS[model].fractional, **hidden)
         return dma_problem(read_dma(data), MODELS[model])[0], json.loads(key.read_text())
 
 
@@ -195,7 +194,7 @@ def main() -> None:
         return measured(_seed(place, 0, given.development, model), model, **hidden)[0]
 
     def quiet(name: str, d_prime: float) -> tuple[DmaProblem, float]:
-        size = blind.noise_size(conventional=_CONVENTIONAL[model])
+        size = blind.noise_size(conventional=not MODELS[model].fractional)
         return fitted(0, name=name, d_prime=d_prime, noise="none"), size
 
     designs = [dma_design(fitted(place, name="none")) for place in range(5)]
