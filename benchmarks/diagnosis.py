@@ -37,6 +37,7 @@ from inverse.diagnosis.dma_examination import examine_dma
 from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
 from inverse.diagnosis.examination import Examined
 from tests.blind import dma_generator as blind
+from tests.blind.no_such_effect import NoSuchEffect
 
 STUDIES = {"fractional": DMA_STUDY, "zener": ZENER_STUDY}
 """By the model that is fitted, which the solids are of."""
@@ -108,9 +109,7 @@ def one_set(condition: Condition, seed: int) -> dict:
     hidden = {"name": condition.name, "d_prime": condition.d_prime, "noise": condition.noise}
     try:
         problem, key = measured(seed, condition.model, **hidden)
-    except ax.InputError:
-        raise
-    except ValueError as impossible:
+    except NoSuchEffect as impossible:
         return dataclasses.asdict(condition) | {"seed": seed, "verdict": NO_DATA, "why": str(impossible)}
     removed = condition.name if condition.part == "removed" else ""
     library = [cause for cause in DMA_CAUSES if cause.name != removed]

@@ -301,7 +301,9 @@ def _left(limit: dict[str, dict[str, dict[str, Any]]], seen: dict[str, dict[str,
     )
     said = f"Those of which who looks for the rest sees it in at least {100.0 * SEEN:g} of 100, the noise unknown: "
     rows = [
-        f"| {d} | {name} | {one['stand-in']} | {one['left']:.1f} "
+        f"| {d} | {name} | {one['why']} | – | – | – |"
+        if "why" in one
+        else f"| {d} | {name} | {one['stand-in']} | {one['left']:.1f} "
         f"| {100.0 * one['noise known']:.0f} | {100.0 * one['noise unknown']:.0f} |"
         for d in sorted(limit, key=float)
         for name, one in limit[d].items()

@@ -43,6 +43,7 @@ from inverse.diagnosis.hmi.problem import Effect, HmiDiagnosisProblem
 from inverse.diagnosis.hmi.program import HmiProgram
 from inverse.inference.experiment import inference_settings
 from tests.blind import hmi_generator as blind
+from tests.blind.no_such_effect import NoSuchEffect
 
 NOISES = ("white", "tails", "correlated-0.3", "correlated-0.6", "loud")
 STRENGTHS = (4.5, 6.0)
@@ -193,7 +194,7 @@ def one_set(condition: Condition, seed: int, bench: Bench | None = None) -> dict
     bench = prepared_bench() if bench is None else bench
     try:
         data, hidden = measured(bench, condition, seed)
-    except ValueError as impossible:
+    except NoSuchEffect as impossible:
         return dataclasses.asdict(condition) | {"seed": seed, "verdict": NO_DATA, "why": str(impossible)}
     if why := implausible(condition.name, hidden["strength"]):
         return dataclasses.asdict(condition) | {"seed": seed, "verdict": NO_DATA, "why": why}

@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from arfjax import InputError
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.cause import Extension, every_shape
 from inverse.diagnosis.decision import UNEXPLAINED_LEVEL
@@ -17,6 +16,7 @@ from inverse.diagnosis.examination import LEAST_VISIBILITY
 from inverse.diagnosis.extended_fit import fit_extended
 from inverse.diagnosis.noise import Noise, noise_family
 from inverse.diagnosis.screening import Alternative, Screen, unit_columns, visibility
+from tests.blind.no_such_effect import NoSuchEffect
 
 TRUE_SHAPES = {"frame-resonance": 1.6, "temperature-lag": 0.35, "second-relaxation": 0.55, "poroelastic-drainage": 0.9}
 """What the generator has where a cause has a second parameter."""
@@ -131,23 +131,21 @@ def removed_limits(
     """What the best stand-in leaves of a cause that is not in the library, and who could see that.
 
     Args:
-        quiet: Data with a hidden effect of a d' without noise, fitted; and the size that the noise would have. Causes
-            of which it finds no such strength are left out.
+        quiet: Data with a hidden effect of a d' without noise, fitted; and the size that the noise would have.
         names: Causes to take out.
         strengths: d'.
 
     Returns:
         By d', then by cause: the stand-in, the d' that it leaves, and the power of the best test of that one direction,
-        at the level of `unexplained`, with the noise known and unknown.
+        at the level of `unexplained`, with the noise known and unknown. Where no strength of a cause has that d', why.
     """
     found: Limits = {}
     for d_prime in strengths:
         for name in names:
             try:
                 problem, size = quiet(name, d_prime)
-            except InputError:
-                raise
-            except ValueError:  # no strength of it has that d'
+            except NoSuchEffect as impossible:
+                found.setdefault(f"{d_prime:g}", {})[name] = {"why": str(impossible)}
                 continue
             refit = min(_stand_ins(problem, name), key=lambda one: one.misfit)
             left = refit.residuals / size

@@ -106,7 +106,8 @@ def _strange(lines: Sequence[Line]) -> dict[str, Any]:
 
 def _to_be_seen(lines: Sequence[Line], removed: dict[str, dict[str, dict[str, Any]]]) -> dict[str, Any]:
     """Causes taken out of which who knows what the best stand-in leaves would see it in `SEEN` of all."""
-    kept = {(d, name) for d, of_d in removed.items() for name, one in of_d.items() if one["noise unknown"] >= SEEN}
+    seen = {(d, name): one.get("noise unknown", 0.0) for d, of_d in removed.items() for name, one in of_d.items()}
+    kept = {which for which, power in seen.items() if power >= SEEN}
     left = [line for line in lines if line["part"] == "removed" and (f"{line['d_prime']:g}", line["name"]) in kept]
     return {d: one["all"] for d, one in _strange(left).items()}
 

@@ -15,6 +15,7 @@ from benchmarks.diagnosis_summary import NO_DATA, rate, summarise
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.noise import noise_family, series
 from inverse.diagnosis.screening import Alternative
+from tests.blind.no_such_effect import NoSuchEffect
 
 
 @pytest.mark.slow
@@ -295,7 +296,7 @@ def test_linear_sets_are_planned_with_seeds_of_their_own():
 
 def test_data_that_cannot_be_made_count_in_no_rate(monkeypatch):
     def impossible(*_, **__):
-        raise ValueError("no strength of perfusion found with d' = 9")
+        raise NoSuchEffect("no strength of perfusion found with d' = 9")
 
     monkeypatch.setattr(diagnosis_hmi, "measured", impossible)
     line = diagnosis_hmi.one_set(diagnosis_hmi.Condition("removed", "perfusion", 9.0), 5, bench=object())
@@ -345,6 +346,22 @@ def test_a_stand_in_takes_what_is_like_it_and_leaves_no_more_than_there_was():
     assert found["second-relaxation"]["stand-in"] == "poroelastic-drainage"
     assert found["second-relaxation"]["left"] < 1.5 < 6.0 < found["slip"]["left"] < 9.2
     assert found["second-relaxation"]["noise known"] < 0.5 < found["slip"]["noise known"]
+
+
+def test_a_cause_of_which_no_strength_shows_stays_in_the_table_of_rests(tmp_path):
+    def quiet(name, d_prime):
+        raise NoSuchEffect(f"no strength of {name} leaves d' = {d_prime:g}")
+
+    found = removed_limits(quiet, ["slip"], [9.0])
+    line = {"part": "removed", "name": "slip", "verdict": NO_DATA, "noise": "white", "d_prime": 9.0, "first": None}
+    write_docs({"seeds": "test", "model": "fractional", **summarise([line], {}, found)}, tmp_path, DMA_STUDY)
+    assert "| 9 | slip | no strength of slip leaves d' = 9 | – | – | – |" in (tmp_path / DMA_STUDY.page).read_text()
+
+    def broken(name, d_prime):
+        raise ValueError("something else")
+
+    with pytest.raises(ValueError, match="something else"):
+        removed_limits(broken, ["slip"], [9.0])
 
 
 def test_limit_of_a_cause_is_that_of_designs_that_can_show_it():

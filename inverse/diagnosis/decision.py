@@ -53,12 +53,20 @@ ratio: at a gain of 20 nats that is worth 0.2 to the process among 140 data and 
 NEEDED = 4.5
 """t that each cause of a pair must have beside the other."""
 REPLICATES = 400
+"""Of noise alone, at a level of 5 %; see `replicates_at`."""
+_BEYOND = 20
+"""Of them that are beyond the level."""
 _CONSIDERED = 6
 """Causes that are put into the model, best first."""
 _FIRST, _SECOND = 3, 3
 """Causes of which pairs are made, and how many are put beside each."""
 _WORTH_A_LOOK = 0.02
 """p-value of a cause alone above which it is not put into the model; of the likeliest the level, if that is more."""
+
+
+def replicates_at(level: float) -> int:
+    """So many that not one or two of them decide; never fewer than `REPLICATES`, since other levels are fixed."""
+    return max(REPLICATES, round(_BEYOND / level))
 
 
 @dataclasses.dataclass(frozen=True)

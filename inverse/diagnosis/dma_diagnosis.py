@@ -7,7 +7,6 @@ import numpy as np
 from inverse.datasets.dma import DmaData
 from inverse.diagnosis.cause import DmaCause
 from inverse.diagnosis.causes import DMA_CAUSES
-from inverse.diagnosis.decision import REPLICATES
 from inverse.diagnosis.diagnosis import Diagnosis, conclude, failed, require_level
 from inverse.diagnosis.dma_account import DmaAccount
 from inverse.diagnosis.dma_examination import examine_dma
@@ -27,7 +26,7 @@ def diagnose_dma(
     causes: Sequence[DmaCause] = DMA_CAUSES,
     level: float = 0.05,
     seed: int = 0,
-    replicates: int = REPLICATES,
+    replicates: int | None = None,
     gain: bool = True,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
@@ -39,7 +38,7 @@ def diagnose_dma(
         causes: The library to look in.
         level: Probability of finding something wrong where nothing is.
         seed: Of starts and replicates.
-        replicates: Data sets of noise alone that error rates are calibrated on.
+        replicates: Data sets of noise alone that error rates are calibrated on; if not said, 20 beyond the level.
         gain: Whether to measure the held-out gain.
         on_step: Told what is being done.
 
@@ -47,7 +46,7 @@ def diagnose_dma(
         InputError: if there are too few data, or `level` or `replicates` is out of range.
         ValueError: if JAX runs in single precision.
     """
-    require_level(level, replicates)
+    replicates = require_level(level, replicates)
     on_step("fitting")
     problem, _ = dma_problem(data, model, seed=seed)
     audit = _audit(problem)

@@ -40,6 +40,7 @@ class Evidence:
         noises: The noise member that each alternative goes with.
         null_noise: The noise member without any alternative.
         least_p: The least p-value that as many replicates can show, with it, too.
+        allowance: What p-values were multiplied by.
     """
 
     p_value: float
@@ -53,6 +54,7 @@ class Evidence:
     noises: Int[np.ndarray, " alternative"]
     null_noise: int
     least_p: float
+    allowance: float
 
     def best(self, name: str) -> int | None:
         """Index of the most probable shape of a cause."""
@@ -133,6 +135,7 @@ def evidence(
         noises=found.noise[:, 0],
         null_noise=int(found.null_noise[0]),
         least_p=allowed / len(smallest),
+        allowance=allowed,
     )
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from inverse.diagnosis.decision import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
+from inverse.diagnosis.evidence import Evidence
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 from inverse.diagnosis.where import Absorbed
 from inverse.output import finite
@@ -99,7 +100,7 @@ def report(
         omnibus = found.decision.omnibus
         lines += [
             f"That noise alone looks as bad: p {_p(omnibus.p_value, omnibus.least_p, '= ')} (level {found.level:g}, "
-            f"calibrated on replicates of these residuals). Null model: {found.account.sentence}.",
+            f"calibrated on replicates of these residuals{_allowance(omnibus)}). Null model: {found.account.sentence}.",
             "",
         ]
     lines += [f"- {note}" for note in (*remarks, *found.account.notes)]
@@ -109,6 +110,12 @@ def report(
         lines += ["## What the fits say about themselves", "", *(f"- {remark}" for remark in found.audit), ""]
     lines += _noise(found) + _named(found, apart) + _table(found) + _where(found) + _hidden(found)
     return "\n".join(lines)
+
+
+def _allowance(tested: Evidence) -> str:
+    if tested.allowance == 1.0:
+        return ""
+    return f" in all kinds of noise that they may be in, times {tested.allowance:g} since few readings say little of it"
 
 
 def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:

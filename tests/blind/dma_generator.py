@@ -22,6 +22,8 @@ from pathlib import Path
 import numpy as np
 from scipy import optimize
 
+from tests.blind.no_such_effect import NoSuchEffect
+
 TEST_SEEDS = 20_000
 NOISE, NOISE_OF_CONVENTIONAL = 0.02, 0.003
 
@@ -315,7 +317,7 @@ def hidden(
     while excess(high) < 0.0:
         low, high = high, high + 0.3
         if high > weak + 25.0:
-            raise ValueError(f"no strength of {name} leaves d' = {d_prime:g}")
+            raise NoSuchEffect(f"no strength of {name} leaves d' = {d_prime:g}")
     while excess(low) > 0.0:
         low -= 0.3
     strength = float(np.exp(optimize.brentq(excess, low, high, xtol=1e-3)))
@@ -361,9 +363,11 @@ def write(
         columns = (*columns, deviation, deviation)
         header += ",storage_modulus_sd_pa,loss_modulus_sd_pa"
     rows = np.stack(columns, axis=-1)[order]
+    left_out = int(np.sum(rows[:, 3] <= 0.0))
     rows = rows[rows[:, 3] > 0.0]  # a person leaves out a loss modulus that noise made negative
     np.savetxt(data, rows, delimiter=",", header=header, comments="", fmt="%.10g")
     hides = {"seed": seed, "hidden": name, "strength": strength, "d_prime": asked, "noise": noise}
+    hides |= {"rows_left_out": left_out}
     key.write_text(json.dumps(hides | {"strength_of_readings": strength * _readings(name, m, modulus)}))
 
 

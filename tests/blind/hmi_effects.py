@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import arfjax as ax
+from tests.blind.no_such_effect import NoSuchEffect
 
 DURATION = 60.0
 """Of every sonication [s]."""
@@ -71,11 +72,11 @@ def beside(course: Course, s: float) -> np.ndarray:
     The rise is a cubic spline through all cells as far out as `REACH` and their mirror images beyond the axis.
 
     Raises:
-        ValueError: if the distance is larger.
+        NoSuchEffect: if the distance is larger.
     """
     _, focus, r, temperature = course
     if s * 1e-6 > REACH**2:
-        raise ValueError(f"{s:g} mm^2 lie beyond what the profile is known of.")
+        raise NoSuchEffect(f"{s:g} mm^2 lie beyond what the profile is known of.")
     profile = CubicSpline(np.r_[-r[::-1], r], np.c_[temperature[:, ::-1], temperature] - focus[0], axis=1)
     axis, here = profile(0.0), profile(np.sqrt(s * 1e-6))
     warm = focus > focus[0]

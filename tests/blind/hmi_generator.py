@@ -46,6 +46,7 @@ from tests.blind.hmi_effects import (
     UNSEEN,
     Scene,
 )
+from tests.blind.no_such_effect import NoSuchEffect
 
 TEST_SEEDS = 20_000
 NOISE = 0.01
@@ -326,7 +327,7 @@ def strength_of(
         first: Strength to start from.
 
     Raises:
-        ValueError: if no strength has it.
+        NoSuchEffect: if no strength has it.
     """
     plain, imitated = ruler.curves(z)[0], ruler.imitated(z)
     strength, length = first, np.nan
@@ -348,7 +349,7 @@ def strength_of(
         else:
             # Without a length there is no such tissue, or no effect.
             strength *= float(np.clip(d_prime / length, 0.2, 5.0)) if known else 0.5
-    raise ValueError(f"no strength of {name} found with d' = {d_prime:g}: the last, {strength:g}, has {length:g}.")
+    raise NoSuchEffect(f"no strength of {name} found with d' = {d_prime:g}: the last, {strength:g}, has {length:g}.")
 
 
 def draw_noise(kind: str, temperature: np.ndarray, rng: np.random.Generator) -> np.ndarray:

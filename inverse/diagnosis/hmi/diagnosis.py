@@ -7,7 +7,6 @@ import numpy as np
 
 from arfjax import Discretisation, Effort, Experiment, InputError
 from inverse.datasets.hmi import HmiData
-from inverse.diagnosis.decision import REPLICATES
 from inverse.diagnosis.diagnosis import Diagnosis, conclude, failed, require_level
 from inverse.diagnosis.examination import FullFit
 from inverse.diagnosis.gain import Gain
@@ -49,7 +48,7 @@ def diagnose_hmi(
     causes: Sequence[HmiCause] = HMI_CAUSES,
     level: float = 0.05,
     seed: int = 0,
-    replicates: int = REPLICATES,
+    replicates: int | None = None,
     gain: bool = True,
     effort: Effort = LEARNT,
     discretisation: Discretisation | None = None,
@@ -66,7 +65,7 @@ def diagnose_hmi(
         causes: The library to look in.
         level: Probability of finding something wrong where nothing is.
         seed: Of starts, draws and replicates.
-        replicates: Data sets of noise alone that error rates are calibrated on.
+        replicates: Data sets of noise alone that error rates are calibrated on; if not said, 20 beyond the level.
         gain: Whether to measure the held-out gain.
         effort: How much goes into the fast simulation.
         discretisation: Of the full simulation that the fast one learns from; see `prepare_hmi` if not given.
@@ -78,7 +77,7 @@ def diagnose_hmi(
         InputError: if data and experiment do not go together, there are too few data, or `level` is out of range.
         ValueError: if JAX runs in single precision.
     """
-    require_level(level, replicates)
+    replicates = require_level(level, replicates)
     settings = require_diagnosable(data, described, name)
     if prepared is None:
         prepared = prepare_hmi(
@@ -97,7 +96,7 @@ def diagnose_curves(
     causes: Sequence[HmiCause] = HMI_CAUSES,
     level: float = 0.05,
     seed: int = 0,
-    replicates: int = REPLICATES,
+    replicates: int | None = None,
     gain: bool = True,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
@@ -109,10 +108,11 @@ def diagnose_curves(
         causes: The library to look in.
         level: Probability of finding something wrong where nothing is.
         seed: Of starts, draws and replicates.
-        replicates: Data sets of noise alone that error rates are calibrated on.
+        replicates: Data sets of noise alone that error rates are calibrated on; if not said, 20 beyond the level.
         gain: Whether to measure the held-out gain.
         on_step: Told what is being done.
     """
+    replicates = require_level(level, replicates)
     on_step("fitting")
     null, size, audit = _fitted(problem, corrected, seed, on_step)
     problem = null.problem

@@ -58,6 +58,10 @@ def test_too_few_replicates_for_a_level_are_refused():
         require_level(0.05, 38)
 
 
+def test_as_many_replicates_lie_beyond_every_level():
+    assert [require_level(level) for level in (0.5, 0.05, 0.01, 0.005)] == [400, 400, 2000, 4000]
+
+
 @pytest.mark.parametrize("level", [0.004, 0.6, 1.0])
 def test_a_level_that_means_nothing_is_refused(level):
     with pytest.raises(InputError, match="`level` must be from 0.005 to 0.5"):
