@@ -229,7 +229,8 @@ def _asked(summary: dict[str, Any]) -> list[str]:
         ):
             if d not in summary[part]:
                 continue
-            seen = list(summary["removed limit"].get(d, {}).values()) if part == "removed" else []
+            rests = summary["removed limit"].get(d, {}).values() if part == "removed" else ()
+            seen = [one for one in rests if "why" not in one]
             found = verdict == "unexplained" and seen
             limits = [float(np.mean([one[key] for one in seen])) if found else None for key in _KNOWN_OR_NOT]
             add(f"{what}, d' = {d}: {word}", summary[part][d]["all"][verdict], bound, limits)

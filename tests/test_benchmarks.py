@@ -179,7 +179,8 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
     of_slip = {"detected": 0.97, "first": 0.8, "detected, noise unknown": 0.94, "first, noise unknown": 0.79}
     limit = {f"{d:g}": {"slip": of_slip} for d in (4.5, 6.0)}
     left = {"stand-in": "sweep-drift", "left": 4.0, "noise known": 0.99, "noise unknown": 0.9}
-    summary = {"seeds": "test", **summarise(lines, limit, {"9": {"slip": left}})}
+    rests = {"slip": left, "drying": {"why": "no strength of it shows"}}
+    summary = {"seeds": "test", **summarise(lines, limit, {"9": rests})}
     assert summary["all known"]["4.5"]["unexplained, if detected"]["rate"] == 0.25
     assert summary["null"]["white"]["alarm"]["rate"] == 0.25 and summary["null"]["white"]["noise-model"]["rate"] == 0.0
     write_docs(summary, tmp_path, DMA_STUDY)
@@ -192,6 +193,7 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
     # Of one data set, nothing is met or not.
     assert "wrongly named, at most 5 | 0.0 ± 25.0 |  |  | 1 | too few |" in page
     assert "| 9 | slip | sweep-drift | 4.0 | 99 | 90 |" in page
+    assert "| 9 | drying | no strength of it shows | – | – | – |" in page
     assert "at least 90 of 100, the noise unknown: d' = 9: unexplained 100.0 ± 25.0 %, named 0.0 ± 25.0 %" in page
     others = {"slip": left | {"noise unknown": 0.89}, "drying": left}
     assert summarise(lines, limit, {"9": others})["removed, to be seen"] == {}

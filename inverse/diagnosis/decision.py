@@ -55,7 +55,7 @@ NEEDED = 4.5
 REPLICATES = 400
 """Of noise alone, at a level of 5 %; see `replicates_at`."""
 _BEYOND = 20
-"""Of them that are beyond the level."""
+"""Of them that are beyond a lower level, as at this one; of curves, with the `ALLOWANCE`, 15."""
 _CONSIDERED = 6
 """Causes that are put into the model, best first."""
 _FIRST, _SECOND = 3, 3
@@ -148,7 +148,7 @@ def decide(
     *,
     extend: Callable[[Sequence[Alternative], Noise], Refitted] | None = None,
     level: float = 0.05,
-    replicates: int = REPLICATES,
+    replicates: int | None = None,
     averaged: bool = False,
 ) -> Decision:
     """Diagnose residuals of a fit that is linear about its optimum.
@@ -163,16 +163,17 @@ def decide(
         extend: Refits the model with one cause or two in full, in noise of the given kind. Without it their directions
             join the fitted ones.
         level: Probability of finding something wrong where nothing is.
-        replicates: Data sets of noise alone that the levels are calibrated on.
+        replicates: Data sets of noise alone that the levels are calibrated on: if not said, see `replicates_at`.
         averaged: Whether the replicates of the test of everything are in noise of all kinds, each as often as it is
             likely: where data are so few that the likeliest is often another one than theirs. With the `ALLOWANCE`.
     """
     names = list(dict.fromkeys(cause.name for cause in causes))
+    count = replicates_at(level) if replicates is None else replicates
 
     def test(left, moved, remaining: Sequence[Alternative], handicap: float, **how: bool) -> Evidence:
         screen = Screen(moved, remaining, family)
         free = np.array([a.name not in names for a in screen.alternatives], dtype=bool)
-        return evidence(screen, left, rng, free, handicap, replicates, **how)
+        return evidence(screen, left, rng, free, handicap, count, **how)
 
     def linearly(added: Sequence[Alternative], noise: Noise) -> Refitted:
         moved = np.concatenate([fitted, *(alternative.directions for alternative in added)], axis=1)

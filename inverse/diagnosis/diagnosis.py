@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from arfjax import InputError
 from inverse.diagnosis.cause import Cause, Extension
-from inverse.diagnosis.decision import REPLICATES, Decision, replicates_at
+from inverse.diagnosis.decision import Decision, replicates_at
 from inverse.diagnosis.evidence import ALLOWANCE
 from inverse.diagnosis.examination import DETECTABLE, Examined, FullFit, NotTestable
 from inverse.diagnosis.gain import Gain
@@ -22,7 +22,7 @@ from inverse.diagnosis.where import Absorbed, Axis, Whiteness, absorbed_by_place
 
 VERDICTS = ("adequate", "named", "confusable", "unexplained", "noise-model", "fit-failure")
 LOWEST_LEVEL, HIGHEST_LEVEL = 0.005, 0.5
-"""Below it replicates take minutes; above it nothing is a level."""
+"""Lower ones were never tried; above it nothing is a level."""
 DOMINANT_SHARE, DOMINANT_RATIO = 0.25, 2.0
 """A cause is named although something is left if it leaves at most this part of the sum of squares, and the next best
 cause leaves at least this many times as much."""
@@ -168,16 +168,19 @@ def failed(account: Account, problem: Any, residuals, audit: Sequence[str], *, l
 
 
 def require_level(level: float, replicates: int | None = None) -> int:
-    """How many replicates to draw, if not said; a level that they cannot show is refused.
+    """Refuse a level that is out of range, or that replicates cannot show.
+
+    Returns:
+        How many to draw: as said, or as many as the level needs.
 
     Raises:
         InputError: if it is out of range, or replicates are too few for it.
     """
     if not LOWEST_LEVEL <= level <= HIGHEST_LEVEL:
         raise InputError(f"`level` must be from {LOWEST_LEVEL:g} to {HIGHEST_LEVEL:g}, got {level:g}.")
-    needed = math.ceil(2.0 / level) - 1
     if replicates is None:
         return replicates_at(level)
+    needed = math.ceil(2.0 / level) - 1
     if replicates < needed:
         raise InputError(
             f"`replicates` must be {needed} or more to show a level of {level:g}, got {replicates}: the least p-value "
@@ -198,7 +201,7 @@ def conclude(
     gain: Callable[[FullFit, Noise], Gain | None] | None,
     level: float,
     seed: int,
-    replicates: int = REPLICATES,
+    replicates: int,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Refit what was found, measure its gain, and look at noise and remainder.

@@ -38,7 +38,7 @@ def diagnose_dma(
         causes: The library to look in.
         level: Probability of finding something wrong where nothing is.
         seed: Of starts and replicates.
-        replicates: Data sets of noise alone that error rates are calibrated on; if not said, 20 beyond the level.
+        replicates: Data sets of noise alone that error rates are calibrated on: if not said 400, more at lower levels.
         gain: Whether to measure the held-out gain.
         on_step: Told what is being done.
 

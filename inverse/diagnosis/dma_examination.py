@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from inverse.diagnosis.cause import DmaCause, Extension, every_shape
-from inverse.diagnosis.decision import REPLICATES, Refitted, decide
+from inverse.diagnosis.decision import Refitted, decide
 from inverse.diagnosis.dma_problem import DmaProblem
 from inverse.diagnosis.examination import Examined, extension_of, linear_strengths, visible_alternatives
 from inverse.diagnosis.extended_fit import ExtendedFit, fit_extended
@@ -22,7 +22,7 @@ def examine_dma(
     rng: np.random.Generator,
     *,
     level: float = 0.05,
-    replicates: int = REPLICATES,
+    replicates: int | None = None,
     program: Sequence[DmaCause] = (),
 ) -> Examined:
     """Test every cause and every free form on a fitted data set.
@@ -32,7 +32,7 @@ def examine_dma(
         causes: The library to look in.
         rng: For replicates.
         level: Probability of finding something wrong where nothing is.
-        replicates: Data sets of noise alone that error rates are calibrated on.
+        replicates: Data sets of noise alone that error rates are calibrated on: if not said, see `replicates_at`.
         program: Causes that the compiled refits hold beside the library, so that other libraries need no others.
     """
     program = (*program, *(cause for cause in causes if cause.name not in {one.name for one in program}))

@@ -113,9 +113,13 @@ def report(
 
 
 def _allowance(tested: Evidence) -> str:
+    """What is to be said of p-values that hold whatever the noise is."""
     if tested.allowance == 1.0:
         return ""
-    return f" in all kinds of noise that they may be in, times {tested.allowance:g} since few readings say little of it"
+    return (
+        f" in every kind of noise that they may have, and multiplied by {tested.allowance:g}, as p of causes is: so "
+        "few readings say little of their noise"
+    )
 
 
 def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:

@@ -65,7 +65,7 @@ def diagnose_hmi(
         causes: The library to look in.
         level: Probability of finding something wrong where nothing is.
         seed: Of starts, draws and replicates.
-        replicates: Data sets of noise alone that error rates are calibrated on; if not said, 20 beyond the level.
+        replicates: Data sets of noise alone that error rates are calibrated on: if not said 400, more at lower levels.
         gain: Whether to measure the held-out gain.
         effort: How much goes into the fast simulation.
         discretisation: Of the full simulation that the fast one learns from; see `prepare_hmi` if not given.
@@ -74,7 +74,8 @@ def diagnose_hmi(
         on_step: Told what is being done.
 
     Raises:
-        InputError: if data and experiment do not go together, there are too few data, or `level` is out of range.
+        InputError: if data and experiment do not go together, there are too few data, or `level` or `replicates` is out
+            of range.
         ValueError: if JAX runs in single precision.
     """
     replicates = require_level(level, replicates)
@@ -108,9 +109,12 @@ def diagnose_curves(
         causes: The library to look in.
         level: Probability of finding something wrong where nothing is.
         seed: Of starts, draws and replicates.
-        replicates: Data sets of noise alone that error rates are calibrated on; if not said, 20 beyond the level.
+        replicates: Data sets of noise alone that error rates are calibrated on: if not said 400, more at lower levels.
         gain: Whether to measure the held-out gain.
         on_step: Told what is being done.
+
+    Raises:
+        InputError: if `level` or `replicates` is out of range.
     """
     replicates = require_level(level, replicates)
     on_step("fitting")

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from inverse.diagnosis.cause import Extension
-from inverse.diagnosis.decision import REPLICATES, Refitted, decide
+from inverse.diagnosis.decision import Refitted, decide
 from inverse.diagnosis.examination import Examined, extension_of, linear_strengths, visible_alternatives
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.fitting import HmiFit, moved_by
@@ -29,7 +29,7 @@ def examine_hmi(
     size: float,
     corrected: bool = True,
     level: float = 0.05,
-    replicates: int = REPLICATES,
+    replicates: int | None = None,
 ) -> Examined:
     """Test every cause and every free form on fitted curves.
 
@@ -40,7 +40,7 @@ def examine_hmi(
         size: Of the noise, in units of the weights: what the priors count against.
         corrected: Whether the fast simulation is corrected to the full one where each refit comes out.
         level: Probability of finding something wrong where nothing is.
-        replicates: Data sets of noise alone that error rates are calibrated on.
+        replicates: Data sets of noise alone that error rates are calibrated on: if not said, see `replicates_at`.
     """
     problem = null.problem
     family = problem.noise_family()

@@ -103,7 +103,17 @@ def test_a_single_short_sweep_of_nothing_is_adequate(rows, phase):
     assert all(np.isfinite(one.p_value) for one in found.causes)
 
 
-def test_a_level_that_replicates_cannot_show_is_refused():
+def test_the_key_says_how_many_rows_of_negative_loss_were_left_out(tmp_path):
+    data, key = tmp_path / "data.csv", tmp_path / "key.json"
+    left_out = []
+    for seed in range(8):
+        blind.write(data, key, seed=seed, noise="loud")
+        left_out.append(json.loads(key.read_text())["rows_left_out"])
+        assert len(read_dma(data).frequency_hz) == 5 * 14 - left_out[-1]
+    assert max(left_out) > 0
+
+
+def test_a_level_that_is_too_low_is_refused():
     m = blind.draw_measurement(np.random.default_rng(4))
     modulus = np.abs(blind.solid(m.constants, m.omega))
     data = dma_data(np.tile(m.frequency, 5), np.repeat(m.temperature, 14), modulus.ravel())

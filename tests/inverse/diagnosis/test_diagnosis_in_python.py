@@ -132,6 +132,15 @@ def test_that_no_cause_was_likely_enough_to_be_tried_is_said(file):
     assert "These data can see none of the causes that were looked for" in report(unseen, "these data", [])
 
 
+def test_what_p_values_are_multiplied_by_is_said_where_they_are(file):
+    found = inverse.diagnose(file, causes=["slip"], level=0.01, gain=False).details
+    assert found.decision is not None and found.decision.omnibus.least_p == 1.0 / 2001.0
+    omnibus = dataclasses.replace(found.decision.omnibus, allowance=1.3)
+    averaged = dataclasses.replace(found, decision=dataclasses.replace(found.decision, omnibus=omnibus))
+    assert "and multiplied by 1.3" in report(averaged, "these data", [])
+    assert "multiplied by" not in report(found, "these data", [])
+
+
 def test_columns_that_are_not_used_are_named(file, tmp_path):
     misspelled = tmp_path / "misspelled.csv"
     misspelled.write_text(file.read_text().replace("time_s", "tyme_s"))

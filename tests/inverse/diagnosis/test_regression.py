@@ -58,7 +58,7 @@ def test_too_few_replicates_for_a_level_are_refused():
         require_level(0.05, 38)
 
 
-def test_as_many_replicates_lie_beyond_every_level():
+def test_lower_levels_have_more_replicates():
     assert [require_level(level) for level in (0.5, 0.05, 0.01, 0.005)] == [400, 400, 2000, 4000]
 
 
