@@ -52,6 +52,7 @@ benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
 	$(BIN)/python -m benchmarks.inference --out results/benchmarks/inference.json
 	$(BIN)/python -m benchmarks.thermal --out results/benchmarks/thermal.json
 	$(BIN)/python -m benchmarks.diagnosis_speed --out results/benchmarks/diagnosis_speed.json
+	$(BIN)/python -m benchmarks.diagnosis_detection --workers 2 --out results/benchmarks/diagnosis_detection.json
 
 operating-characteristic: $(VENV)/.run  ## docs/operating_characteristic.md, in two hours; goes on where it was stopped
 	$(BIN)/python -m benchmarks.diagnosis --out results/benchmarks/diagnosis.jsonl --docs docs
