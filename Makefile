@@ -52,13 +52,14 @@ benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
 	$(BIN)/python -m benchmarks.inference --out results/benchmarks/inference.json
 	$(BIN)/python -m benchmarks.thermal --out results/benchmarks/thermal.json
 	$(BIN)/python -m benchmarks.diagnosis_speed --out results/benchmarks/diagnosis_speed.json
-	$(BIN)/python -m benchmarks.diagnosis_detection --workers 2 --out results/benchmarks/diagnosis_detection.json
 
 operating-characteristic: $(VENV)/.run  ## docs/operating_characteristic.md, in two hours; goes on where it was stopped
 	$(BIN)/python -m benchmarks.diagnosis --out results/benchmarks/diagnosis.jsonl --docs docs
+	$(BIN)/python -m benchmarks.diagnosis_detection --workers 2
 
 operating-characteristic-zener: $(VENV)/.run  ## the same for the conventional model
 	$(BIN)/python -m benchmarks.diagnosis --model zener --docs docs
+	$(BIN)/python -m benchmarks.diagnosis_detection --model zener --workers 2
 
 operating-characteristic-hmi-linear: $(VENV)/.run  ## the same for displacement, on linear data, in three quarters of an hour
 	$(BIN)/python -m benchmarks.diagnosis_hmi_fast --docs docs --workers 2

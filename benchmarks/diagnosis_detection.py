@@ -82,11 +82,12 @@ def found_by_cause(lines: list[dict[str, Any]]) -> dict[str, Any]:
 def main() -> None:
     """Measure and sum up."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results/benchmarks/diagnosis_detection.json"))
+    parser.add_argument("--out", type=Path, help="below results/benchmarks, by the model, if not given")
     parser.add_argument("--model", choices=tuple(MODELS), default="fractional", help="null model")
     parser.add_argument("--sets", type=int, default=SETS, help="of each cause")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     given = parser.parse_args()
+    out = given.out or Path("results/benchmarks") / f"diagnosis_detection_{given.model}.json"
     jax.config.update("jax_enable_x64", True)
     lines = list(spread(one_set, planned(given.sets, given.model), workers=given.workers))
     designs = [dma_design(measured(_FIRST_SEED[given.model] - 1 - i, given.model)[0]) for i in range(_DESIGNS)]
@@ -102,8 +103,8 @@ def main() -> None:
         "limit, noise unknown": float(np.mean([one["detected, noise unknown"] for one in limit])),
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    given.out.write_text(json.dumps(content, indent=2) + "\n")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(json.dumps(content, indent=2) + "\n")
 
 
 if __name__ == "__main__":
