@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 
 from benchmarks.diagnosis_studies import Bound, Study
 from benchmarks.diagnosis_summary import SEEN
-from inverse.diagnosis.decision import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL
+from inverse.diagnosis.decision import SET_LEVEL
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
+from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, MOST_OF_BOTH, SHARE_OF_LEAD, UNEXPLAINED_LEVEL
 
 _COLOURS = {"unexplained": "#2a7f62", "confusable": "#e0b04a", "named": "#c0392b", "not found": "#b8bcc2"}
 _WORDS = {
@@ -20,6 +21,17 @@ _WORDS = {
     "named": "named",
     "not found": "not found",
 }
+
+_OF_MANY = (
+    f"if what it leaves is conspicuous at {100.0 * UNEXPLAINED_LEVEL:g} %, and what any other cause or pair leaves is, "
+    "too, or if noise makes a correction of no name describe the data better than any one cause, by more than "
+    f"{LEAD_OF_FREE_FORMS:g} nat"
+)
+_OF_FEW = (
+    "if noise makes what the best-fitting cause leaves improbable and a correction of no name describe the data better "
+    "than any one cause: the nats of the first, beyond what noise leaves in one of twenty, and "
+    f"{SHARE_OF_LEAD:g} of those of the second may not be more than {MOST_OF_BOTH:g}"
+)
 
 _UNKNOWN = "detected, noise unknown"
 _KNOWN_OR_NOT = ("noise known", "noise unknown")
@@ -164,11 +176,8 @@ def page(summary: dict[str, Any], study: Study) -> str:
             *_without_data(summary),
             "What these rates rest on, and their limits:",
             "",
-            "- A true cause is called `unexplained` if what it leaves is conspicuous at "
-            f"{100.0 * UNEXPLAINED_LEVEL:g} %, and what any other cause or pair leaves is, too, or if noise makes a "
-            "correction of no name describe the data better than any one cause, by more than "
-            f"{LEAD_OF_FREE_FORMS:g} nat. Causes that are not ruled out at {100.0 * SET_LEVEL:g} % are reported then, "
-            "too, as `possible`; with them a true cause is kept.",
+            f"- A true cause is called `unexplained` {_OF_FEW if study.few else _OF_MANY}. Causes that are not ruled "
+            f"out at {100.0 * SET_LEVEL:g} % are reported then, too, as `possible`; with them a true cause is kept.",
             "- An effect in no list is named as a cause if that leaves nothing conspicuous, and no correction of no "
             "name that is looked for describes it better. A cause that resembles it takes much of it: of an effect at "
             "d' = 5 with a cosine of 0.7 to some cause, 3.6 are left.",

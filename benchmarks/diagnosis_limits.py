@@ -10,11 +10,11 @@ from scipy import stats
 
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.cause import Extension, every_shape
-from inverse.diagnosis.decision import UNEXPLAINED_LEVEL
 from inverse.diagnosis.dma_problem import DmaProblem
 from inverse.diagnosis.examination import LEAST_VISIBILITY
 from inverse.diagnosis.extended_fit import fit_extended
 from inverse.diagnosis.noise import Noise, noise_family
+from inverse.diagnosis.rule import UNEXPLAINED_LEVEL
 from inverse.diagnosis.screening import Alternative, Screen, unit_columns, visibility
 from tests.blind.no_such_effect import NoSuchEffect
 

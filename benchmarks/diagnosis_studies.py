@@ -20,6 +20,7 @@ class Study:
         remarks: On what the rates rest on.
         data: Where the data sets come from.
         gated: Whether the gate of the noise, which comes after the decision, is in it.
+        few: Whether the decision is the one for few data.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Study:
     remarks: tuple[str, ...]
     data: str = "of `tests/blind` "
     gated: bool = False
+    few: bool = False
 
     @property
     def page(self) -> str:
@@ -136,6 +138,7 @@ HMI_STUDY = Study(
         "over 2 K, softening over 4 K, and the wire takes 3 s in both.",
     ),
     gated=True,
+    few=True,
 )
 LINEAR_HMI_STUDY = dataclasses.replace(
     HMI_STUDY,

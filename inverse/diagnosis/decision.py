@@ -9,14 +9,13 @@ r"""From statistics to a verdict, at stated error rates.
    p-values are multiplied by an `ALLOWANCE`.
 2. *Which cause?* Every cause that could be the one is put into the model, and everything else is tested again: a cause
    after which nothing is left stays possible: a true one that is tried is left out with probability `SET_LEVEL`.
-3. *Two causes?* Where one does not do, the likeliest causes of what it leaves that have `NEEDED` there are put in
+3. *Two causes?* Where one does not do, the likeliest causes of what it leaves that are `needed` there are put in
    beside it, and everything else is tested once more. A pair counts only if each is so strong beside the other that it
-   would be seen alone (`NEEDED`): two wrong causes take much of what a third leaves.
-4. *No cause?* If not even the best leaves the rest inconspicuous at `UNEXPLAINED_LEVEL`, or if a free form describes
-   the data better than any one cause (`LEAD_OF_FREE_FORMS`), and no pair does at `PAIR_LEVEL`, the verdict is
-   `unexplained`, never the nearest name. Which causes stay possible is said then, too: with a true one that happens in
-   the share of data sets that lies between the two levels. A refit that did not converge explains nothing, but does
-   not rule its cause out either.
+   would be seen alone: two wrong causes take much of what a third leaves.
+4. *No cause?* If none is `enough`, because of what it leaves or because a free form describes the data better than any
+   one cause, and no pair leaves the rest inconspicuous at `PAIR_LEVEL`, the verdict is `unexplained`, never the nearest
+   name. Which causes stay possible is said then, too. A refit that did not converge explains nothing, but does not rule
+   its cause out either.
 """
 
 import dataclasses
@@ -28,30 +27,13 @@ from jaxtyping import Float
 
 from inverse.diagnosis.evidence import Evidence, evidence
 from inverse.diagnosis.noise import Noise
+from inverse.diagnosis.rule import enough, needed
 from inverse.diagnosis.screening import Alternative, Screen, independent, unit_columns
 
 FREE_FORM_HANDICAP = 10.0
 SET_LEVEL = 0.01
-UNEXPLAINED_LEVEL = 0.05
-"""p-value of what is left below which a cause does not explain the data. It was 0.06 before `LEAD_OF_FREE_FORMS`, which
-finds what that gains: 0.04 to 0.06 call the same effects of no name unexplained (156 development sets), and 0.06 one
-true one more in a hundred (118 of d' 6)."""
 PAIR_LEVEL = 0.1
 """The same for pairs: many are tried, so that one that takes an effect of no name is found more easily."""
-LEAD_OF_FREE_FORMS = 0.5
-"""Nats by which the best free form may be more improbable as noise than any cause, each calibrated among its kind.
-
-What a wrong cause leaves of an effect of no name is often too little to be conspicuous, where the whole of it still
-looks more like a free form. Measured on development sets, without -> with this: of causes taken out of the list
-55 -> 73 of 100 were unexplained at d' = 9 (136 sets) and 15 -> 33 at d' = 5 (133), of true ones 3.9 -> 4.3 (232). On
-linear curves 53 -> 62 of effects in no list (375 sets), and of true ones as many as without it (7.6 and 5.6 at d' 4.5
-and 6). Test sets of DMA gain less: 54 -> 61 and 20 -> 28 (204 sets each), of effects in no list 85 -> 93 (138), of true
-ones 3.2 -> 4.6 at d' 4.5 (216).
-
-It scatters with the replicates by 0.3. A single direction is tested by Student's t and a process by the likelihood
-ratio: at a gain of 20 nats that is worth 0.2 to the process among 140 data and 0.5 among 57."""
-NEEDED = 4.5
-"""t that each cause of a pair must have beside the other."""
 REPLICATES = 400
 """Of noise alone, at a level of 5 %; see `replicates_at`."""
 _BEYOND = 20
@@ -100,7 +82,8 @@ class Decision:
         explanations: What is named, best first: each one cause or two that leave nothing conspicuous.
         tests: For each cause that was put into the model, the test of what is left.
         last: The test of what the model that the verdict ends with leaves.
-        lead: Nats by which the best free form is more improbable as noise than any cause; see `LEAD_OF_FREE_FORMS`.
+        lead: Nats by which the best free form is more improbable as noise than any cause; see `rule.enough`.
+        few: Whether data were few.
     """
 
     verdict: str
@@ -111,6 +94,7 @@ class Decision:
     tests: dict[str, Evidence]
     last: Evidence
     lead: float
+    few: bool = False
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -149,7 +133,7 @@ def decide(
     extend: Callable[[Sequence[Alternative], Noise], Refitted] | None = None,
     level: float = 0.05,
     replicates: int | None = None,
-    averaged: bool = False,
+    few: bool = False,
 ) -> Decision:
     """Diagnose residuals of a fit that is linear about its optimum.
 
@@ -164,8 +148,9 @@ def decide(
             join the fitted ones.
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that the levels are calibrated on: if not said, see `replicates_at`.
-        averaged: Whether the replicates of the test of everything are in noise of all kinds, each as often as it is
-            likely: where data are so few that the likeliest is often another one than theirs. With the `ALLOWANCE`.
+        few: Whether data are so few that the likeliest kind of noise is often another one than theirs: replicates of
+            the test of everything are in noise of all kinds then, each as often as it is likely, with the `ALLOWANCE`;
+            and what explains them has a rule of its own.
     """
     names = list(dict.fromkeys(cause.name for cause in causes))
     count = replicates_at(level) if replicates is None else replicates
@@ -181,9 +166,9 @@ def decide(
         left = white - basis @ (basis.T @ white)
         return Refitted(residuals, moved, float(np.sum(left**2)), causes)
 
-    omnibus = test(residuals, fitted, [*causes, *free_forms], FREE_FORM_HANDICAP, averaged=averaged)
+    omnibus = test(residuals, fitted, [*causes, *free_forms], FREE_FORM_HANDICAP, averaged=few)
     if omnibus.p_value > level:
-        return Decision("adequate", omnibus, {}, {}, (), {}, omnibus, omnibus.lead_of_free_forms({}))
+        return Decision("adequate", omnibus, {}, {}, (), {}, omnibus, omnibus.lead_of_free_forms({}), few)
 
     ranked = omnibus.ranked(names)
     best = {name: row for name in ranked if (row := omnibus.best(name)) is not None}
@@ -220,10 +205,11 @@ def decide(
         tests={name: one.left for name, one in alone.items()},
         last=omnibus,
         lead=omnibus.lead_of_free_forms({name: gained(name, one) for name, one in alone.items()}),
+        few=few,
     )
-    nameless = found.lead > LEAD_OF_FREE_FORMS
-    singles = {} if nameless else _explanations({(name,): one for name, one in alone.items()}, UNEXPLAINED_LEVEL)
-    return _concluded(found, singles or _explanations(_pairs(found, put_in, names), PAIR_LEVEL))
+    converged = [one.left for one in alone.values() if one.converged]
+    singles = {(name,): one for name, one in alone.items()} if enough(converged, found.lead, few=few) else {}
+    return _concluded(found, _explanations(singles) or _explanations(_pairs(found, put_in, names), PAIR_LEVEL))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -241,7 +227,7 @@ class _Tried:
     converged: bool
 
 
-def _explanations(tried: dict[tuple[str, ...], _Tried], level: float) -> dict[tuple[str, ...], Evidence]:
+def _explanations(tried: dict[tuple[str, ...], _Tried], level: float = SET_LEVEL) -> dict[tuple[str, ...], Evidence]:
     """Fits that are not ruled out, best first, if one of them leaves nothing conspicuous at a level."""
     fits = {names: one for names, one in tried.items() if one.converged}
     if max((one.left.p_value for one in fits.values()), default=0.0) < level:
@@ -263,16 +249,17 @@ def _pairs(
 ) -> dict[tuple[str, ...], _Tried]:
     """Pairs of which each cause is needed beside the other, put into the model."""
     tried: dict[tuple[str, ...], _Tried] = {}
+    least = needed(found.lead, few=found.few)
     for first in list(found.misfits)[:_FIRST]:
         left = found.tests[first]
         for second in left.ranked(names)[:_SECOND]:
             row = left.best(second)
             pair = tuple(sorted((first, second)))
-            if row is None or abs(left.statistics[row]) < NEEDED:
+            if row is None or abs(left.statistics[row]) < least:
                 break
             other = found.tests.get(second)
             back = None if other is None else other.best(first)
-            if pair in tried or (other is not None and back is not None and abs(other.statistics[back]) < NEEDED):
+            if pair in tried or (other is not None and back is not None and abs(other.statistics[back]) < least):
                 continue
             start = found.omnibus.best(first)
             if start is not None:

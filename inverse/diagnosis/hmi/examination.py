@@ -82,7 +82,7 @@ def examine_hmi(
         extend=extend,
         level=level,
         replicates=replicates,
-        averaged=True,
+        few=True,
     )
     return Examined(
         tuple(causes), residuals, fitted, tuple(seen), not_testable, tuple(places), family, decision, refits

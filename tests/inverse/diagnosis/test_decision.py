@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from inverse.diagnosis.decision import LEAD_OF_FREE_FORMS, UNEXPLAINED_LEVEL, Refitted, decide
+from inverse.diagnosis.decision import Refitted, decide
 from inverse.diagnosis.evidence import ALLOWANCE, evidence
 from inverse.diagnosis.noise import noise_family, series
+from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, MOST_OF_BOTH, UNEXPLAINED_LEVEL, both, enough, needed
 from inverse.diagnosis.screening import Alternative, Screen
 
 N = 80
@@ -75,19 +76,19 @@ def test_a_refit_that_did_not_converge_explains_nothing(failing):
         assert found.verdict == "named" and found.named == ("wave",)
 
 
-def beside_a_wave(cosine):
+def beside_a_wave(cosine, seed=5):
     """A unit direction at an angle to that of the cause and free of what is fitted, and noise that is free of both."""
     basis = np.linalg.qr(np.column_stack([FITTED, CAUSES[0].directions, np.cos(23.0 * POSITION)]))[0]
     wave = basis[:, 2] * np.sign(basis[:, 2] @ CAUSES[0].directions[:, 0])
-    noise = np.random.default_rng(5).standard_normal(N)
+    noise = np.random.default_rng(seed).standard_normal(N)
     return cosine * wave + np.sqrt(1.0 - cosine**2) * basis[:, 3], wave, noise - basis @ (basis.T @ noise)
 
 
-def decided_beside_a_free_form(residuals, form, extend=None):
+def decided_beside_a_free_form(residuals, form, extend=None, *, few=False):
     """As many free forms as causes, so that both pay alike for their number."""
     others = [Alternative(f"ripple of {k:.0f}", np.cos(k * POSITION)[:, None]) for k in (31.0, 47.0)]
     forms = [Alternative("ripple", form[:, None]), *others]
-    return decide(residuals, FITTED, CAUSES, forms, FAMILY, np.random.default_rng(1), extend=extend)
+    return decide(residuals, FITTED, CAUSES, forms, FAMILY, np.random.default_rng(1), extend=extend, few=few)
 
 
 NEAR = np.sqrt(1.0 - 0.25**2)
@@ -222,8 +223,63 @@ def test_noise_is_averaged_only_where_everything_is_tested(monkeypatch):
 
     monkeypatch.setattr(Screen, "replicate", spied)
     family = noise_family((series("time", [0] * N, POSITION),), POSITION)
-    for averaged in (False, True):
+    for few in (False, True):
         kinds.clear()
-        found = decide(WAVE, FITTED, CAUSES, [], family, np.random.default_rng(1), averaged=averaged)
-        assert found.named == ("wave",) and (kinds[0] > 1) == averaged
+        found = decide(WAVE, FITTED, CAUSES, [], family, np.random.default_rng(1), few=few)
+        assert found.named == ("wave",) and (kinds[0] > 1) == few
         assert len(kinds) > 1 and set(kinds[1:]) == {1}
+
+
+def said(p_value, statistic):
+    """A test of what a cause leaves, of which the rules read these two."""
+    screen = Screen(FITTED, CAUSES, FAMILY)
+    one = evidence(screen, WAVE, np.random.default_rng(1), np.zeros(len(CAUSES), dtype=bool), 1.0, 40)
+    return dataclasses.replace(one, p_value=p_value, statistic=statistic)
+
+
+def test_of_few_data_what_is_left_and_the_lead_of_free_forms_add_up():
+    nothing, little, much, worst = said(0.4, -1.3), said(0.1, -0.5), said(0.03, 0.5), said(0.001, 4.0)
+    # Neither is conspicuous by itself, and of few data both together are.
+    assert enough([little], 0.3, few=False) and not enough([little], 0.3, few=True)
+    # What is left is conspicuous, and every free form by far the worse: of few data that makes up for it.
+    assert not enough([much], -5.0, few=False) and enough([much], -5.0, few=True)
+    # The other way round, up to a point.
+    assert not enough([nothing], 0.6, few=False) and enough([nothing], 0.6, few=True)
+    assert not enough([nothing], 1.0, few=True)
+    # Of the lead no more counts than is clear.
+    assert both(worst, -6.0) == both(worst, -60.0) > MOST_OF_BOTH
+    for few in (False, True):
+        assert enough([nothing, worst], -1.0, few=few) and not enough([], -1.0, few=few)
+    # The best fit speaks for few data, and for many any that leaves nothing.
+    assert enough([worst, nothing], -1.0, few=False) and not enough([worst, nothing], -1.0, few=True)
+
+
+def test_an_effect_of_no_name_that_leaves_little_and_resembles_a_free_form_no_more_than_a_cause():
+    """Half way between the two, at a t of 4: neither is conspicuous, and few data take both together for enough."""
+    ripple, wave, noise = beside_a_wave(0.8, seed=8)
+    between, _, _ = beside_a_wave(0.95)
+    of_many, of_few = (decided_beside_a_free_form(4.0 * between + noise, ripple, few=few) for few in (False, True))
+    assert of_many.named == ("wave",) and of_few.verdict == "unexplained" and of_few.possible == ("wave",)
+    assert 0.0 < of_few.lead < LEAD_OF_FREE_FORMS and of_few.candidates["wave"] > UNEXPLAINED_LEVEL
+    assert decided_beside_a_free_form(4.0 * wave, ripple, few=True).named == ("wave",)
+
+
+def test_each_of_two_has_to_have_more_where_data_are_few_and_a_free_form_is_near():
+    assert needed(-30.0, few=True) == needed(-30.0, few=False) == needed(9.0, few=False)
+    assert needed(9.0, few=True) > needed(0.0, few=True) > needed(0.0, few=False)
+
+
+@pytest.mark.parametrize(("size", "cosine", "named"), [(6.0, 0.8, False), (12.0, 0.8, True), (6.0, 0.5, True)])
+def test_two_causes_of_few_data_are_named_if_they_are_large_or_nothing_else_is_near(size, cosine, named):
+    basis = np.linalg.qr(np.column_stack([FITTED, *(one.directions for one in CAUSES[:2]), np.cos(23.0 * POSITION)]))[0]
+    fitted, other = basis[:, :2], basis[:, 4]
+    directions = np.column_stack([one.directions[:, 0] for one in CAUSES[:2]])
+    directions -= fitted @ (fitted.T @ directions)
+    effect = size * np.sum(directions / np.linalg.norm(directions, axis=0), axis=1)
+    noise = np.random.default_rng(6).standard_normal(N)
+    noise -= basis @ (basis.T @ noise)
+    form = cosine * effect / np.linalg.norm(effect) + np.sqrt(1.0 - cosine**2) * other
+    of_many, of_few = (decided_beside_a_free_form(effect + noise, form, few=few) for few in (False, True))
+    assert of_many.named == ("step", "wave")
+    assert of_few.named == (of_many.named if named else ()) and of_few.verdict == ("named" if named else "unexplained")
+    assert of_few.few and not of_many.few

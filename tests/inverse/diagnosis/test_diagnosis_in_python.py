@@ -172,6 +172,25 @@ def test_it_is_said_that_a_cause_is_not_named_for_a_correction_that_describes_th
     assert better not in report(nothing, "these data", []) and "inf nat" not in report(nothing, "these data", [])
 
 
+@pytest.mark.parametrize(("lead", "than"), [(0.4, "better"), (-2.0, "worse")])
+def test_of_few_data_it_is_said_what_counts_together(file, lead, than):
+    found = inverse.diagnose(file, causes=["slip"], gain=False).details
+    assert found.decision is not None
+    left = dataclasses.replace(found.decision.omnibus, p_value=0.1, statistic=0.35)
+    decision = dataclasses.replace(
+        found.decision, verdict="unexplained", explanations=(), candidates={"slip": 0.1}, tests={"slip": left},
+        lead=lead, few=True,
+    )  # fmt: skip
+    slip = dataclasses.replace(found.causes[0], status="possible", left=0.1, converged=True)
+    found = dataclasses.replace(found, verdict="unexplained", decision=decision, causes=(slip,))
+    text = report(found, "these data", [])
+    assert "slip leaves +0.35 nat" in text and f"describes the data {than} than any one cause, by {abs(lead):g}" in text
+    assert f"are {0.35 + 0.5 * lead:+.2g}; -0.9 are allowed." in text and "slip would leave nothing conspicuous" in text
+    # Where what every cause leaves is conspicuous by itself, the table says so.
+    for other in (dataclasses.replace(slip, left=0.02), dataclasses.replace(slip, converged=False)):
+        assert "count together" not in report(dataclasses.replace(found, causes=(other,)), "these data", [])
+
+
 def test_what_is_left_is_drawn_against_every_coordinate_with_the_correction_of_no_name(file):
     found = inverse.diagnose(file, causes=["slip"], gain=False).details
     found = dataclasses.replace(found, verdict="unexplained", extended=None)

@@ -61,7 +61,7 @@ def test_many_readings_are_judged_in_the_likeliest_noise(monkeypatch):
     def spied(*arguments, **options):
         given = expected.bind(*arguments, **options)
         given.apply_defaults()
-        asked.append(given.arguments["averaged"])
+        asked.append(given.arguments["few"])
         raise InterruptedError
 
     monkeypatch.setattr(dma_examination, "decide", spied)

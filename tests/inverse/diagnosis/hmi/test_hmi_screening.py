@@ -59,7 +59,7 @@ def test_few_readings_are_judged_against_noise_of_all_kinds(problem, monkeypatch
 
     def spied(*arguments, **options):
         del arguments
-        asked.append(options["averaged"])
+        asked.append(options["few"])
         raise InterruptedError
 
     monkeypatch.setattr(examination, "decide", spied)
