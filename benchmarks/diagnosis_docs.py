@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 
 from benchmarks.diagnosis_studies import Bound, Study
 from benchmarks.diagnosis_summary import SEEN
-from inverse.diagnosis.decision import SET_LEVEL
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
-from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, MOST_OF_BOTH, SHARE_OF_LEAD, UNEXPLAINED_LEVEL
+from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, LEAST_P, SET_LEVEL, UNEXPLAINED_LEVEL, least_p
 
 _COLOURS = {"unexplained": "#2a7f62", "confusable": "#e0b04a", "named": "#c0392b", "not found": "#b8bcc2"}
 _WORDS = {
@@ -28,9 +27,9 @@ _OF_MANY = (
     f"{LEAD_OF_FREE_FORMS:g} nat"
 )
 _OF_FEW = (
-    "if noise makes what the best-fitting cause leaves improbable and a correction of no name describe the data better "
-    "than any one cause: the nats of the first, beyond what noise leaves in one of twenty, and "
-    f"{SHARE_OF_LEAD:g} of those of the second may not be more than {MOST_OF_BOTH:g}"
+    f"if what the best-fitting cause leaves has a p below {LEAST_P:g}, and no pair explains the data. The better a "
+    f"correction of no name describes them, the more p has to be: {least_p(1.0):.2g} if by a nat than the best cause, "
+    f"{least_p(-1.0):.2g} if worse by one, and never less than {SET_LEVEL:g}"
 )
 
 _UNKNOWN = "detected, noise unknown"
@@ -178,8 +177,8 @@ def page(summary: dict[str, Any], study: Study) -> str:
             "",
             f"- A true cause is called `unexplained` {_OF_FEW if study.few else _OF_MANY}. Causes that are not ruled "
             f"out at {100.0 * SET_LEVEL:g} % are reported then, too, as `possible`; with them a true cause is kept.",
-            "- An effect in no list is named as a cause if that leaves nothing conspicuous, and no correction of no "
-            "name that is looked for describes it better. A cause that resembles it takes much of it: of an effect at "
+            "- An effect in no list is named as a cause if that leaves little enough, and no correction of no name "
+            "that is looked for describes it much better. A cause that resembles it takes much of it: of an effect at "
             "d' = 5 with a cosine of 0.7 to some cause, 3.6 are left.",
             *(f"- {remark}" for remark in study.remarks),
             "",

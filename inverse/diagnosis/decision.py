@@ -10,12 +10,11 @@ r"""From statistics to a verdict, at stated error rates.
 2. *Which cause?* Every cause that could be the one is put into the model, and everything else is tested again: a cause
    after which nothing is left stays possible: a true one that is tried is left out with probability `SET_LEVEL`.
 3. *Two causes?* Where one does not do, the likeliest causes of what it leaves that are `needed` there are put in
-   beside it, and everything else is tested once more. A pair counts only if each is so strong beside the other that it
-   would be seen alone: two wrong causes take much of what a third leaves.
-4. *No cause?* If none is `enough`, because of what it leaves or because a free form describes the data better than any
-   one cause, and no pair leaves the rest inconspicuous at `PAIR_LEVEL`, the verdict is `unexplained`, never the nearest
-   name. Which causes stay possible is said then, too. A refit that did not converge explains nothing, but does not rule
-   its cause out either.
+   beside it, and everything else is tested once more. A pair counts only if each is as strong beside the other: two
+   wrong causes take much of what a third leaves.
+4. *No cause?* If none is `enough`, for what it leaves and for how well a free form describes the data, and no pair
+   leaves the rest inconspicuous at `PAIR_LEVEL`, the verdict is `unexplained`, never the nearest name. Which causes
+   stay possible is said then, too. A refit that did not converge explains nothing, but rules no cause out either.
 """
 
 import dataclasses
@@ -27,13 +26,13 @@ from jaxtyping import Float
 
 from inverse.diagnosis.evidence import Evidence, evidence
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.rule import enough, needed
+from inverse.diagnosis.rule import SET_LEVEL, enough, needed
 from inverse.diagnosis.screening import Alternative, Screen, independent, unit_columns
 
 FREE_FORM_HANDICAP = 10.0
-SET_LEVEL = 0.01
 PAIR_LEVEL = 0.1
-"""The same for pairs: many are tried, so that one that takes an effect of no name is found more easily."""
+"""p-value of what is left below which a pair does not explain the data: many are tried, so that one that takes an
+effect of no name is found more easily."""
 REPLICATES = 400
 """Of noise alone, at a level of 5 %; see `replicates_at`."""
 _BEYOND = 20
@@ -84,6 +83,7 @@ class Decision:
         last: The test of what the model that the verdict ends with leaves.
         lead: Nats by which the best free form is more improbable as noise than any cause; see `rule.enough`.
         few: Whether data were few.
+        best_fit: The cause whose refit converged and fits best; none if that is empty.
     """
 
     verdict: str
@@ -95,6 +95,7 @@ class Decision:
     last: Evidence
     lead: float
     few: bool = False
+    best_fit: str = ""
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -181,7 +182,7 @@ def decide(
         inside = [alternative.name for alternative in added]
         visible = {(cause.name, cause.shape) for cause in causes if cause.name not in inside}
         others = [cause for cause in refitted.others if (cause.name, cause.shape) in visible]
-        left = test(refitted.residuals, refitted.directions, [*others, *free_forms], 1.0, whole=False)
+        left = test(refitted.residuals, refitted.directions, [*others, *free_forms], 1.0, whole=few)
         return _Tried(refitted.misfit, left, refitted.converged)
 
     def gained(name: str, tried: _Tried) -> float:
@@ -196,6 +197,7 @@ def decide(
     worth = [name for name in ranked if omnibus.log_p[best[name]] <= math.log(at_most[name])]
     alone = {name: put_in([omnibus.alternatives[best[name]]]) for name in worth[:_CONSIDERED]}
     alone = dict(sorted(alone.items(), key=lambda item: item[1].misfit))
+    converged = [name for name, one in alone.items() if one.converged]
     found = Decision(
         verdict="unexplained",
         omnibus=omnibus,
@@ -206,9 +208,10 @@ def decide(
         last=omnibus,
         lead=omnibus.lead_of_free_forms({name: gained(name, one) for name, one in alone.items()}),
         few=few,
+        best_fit=converged[0] if converged else "",
     )
-    converged = [one.left for one in alone.values() if one.converged]
-    singles = {(name,): one for name, one in alone.items()} if enough(converged, found.lead, few=few) else {}
+    left = [found.tests[name] for name in converged]
+    singles = {(name,): one for name, one in alone.items()} if enough(left, found.lead, few=few) else {}
     return _concluded(found, _explanations(singles) or _explanations(_pairs(found, put_in, names), PAIR_LEVEL))
 
 

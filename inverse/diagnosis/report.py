@@ -4,11 +4,11 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from inverse.diagnosis.decision import SET_LEVEL, Decision
+from inverse.diagnosis.decision import Decision
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
 from inverse.diagnosis.evidence import Evidence
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
-from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, MOST_OF_BOTH, SHARE_OF_LEAD, UNEXPLAINED_LEVEL, both
+from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL, least_p
 from inverse.diagnosis.where import Absorbed
 from inverse.output import finite
 from inverse.software import versions
@@ -21,7 +21,7 @@ _VERDICTS = {
     "named": "The model lacks one cause, if what it lacks is among those that were looked for.",
     "two": "The model lacks two causes, if what it lacks is among those that were looked for.",
     "confusable": "The model lacks something, and these data cannot tell which of several causes it is.",
-    "unexplained": "The model is wrong, and no named cause explains how, or none as well as a correction of no name.",
+    "unexplained": "The model is wrong, and no named cause explains well enough how.",
     "noise-model": "The model is adequate, but the noise is not what one would take it for.",
     "fit-failure": "The fit itself failed; nothing is said about physics.",
 }
@@ -180,11 +180,10 @@ def _beyond_causes(found: Diagnosis) -> list[str]:
         return ["None of the causes that were looked for is likely enough by itself to be put into the model.", ""]
     left = {one.cause.name: one.left for one in found.causes if one.converged and one.status == "possible"}
     near = [name for name, p_value in left.items() if p_value is not None and p_value >= UNEXPLAINED_LEVEL]
-    converged = [one.cause.name for one in found.causes if one.converged and one.cause.name in decision.tests]
-    said = _of_few(decision, converged, near) if decision.few else _of_many(decision)
+    said = _of_few(decision) if decision.few else _of_many(decision)
     if said and near:
         who = near[0] if len(near) == 1 else f"Each of {', '.join(near)}"
-        said += f" {who} would leave nothing conspicuous, and is not named for that."
+        said += f" {who} would leave nothing conspicuous, and is not named for this reason."
     return [said, ""] if said else []
 
 
@@ -198,17 +197,17 @@ def _of_many(decision: Decision) -> str:
     )
 
 
-def _of_few(decision: Decision, converged: Sequence[str], near: Sequence[str]) -> str:
-    """The same of few data, with what the best-fitting cause leaves, where what some cause leaves is not enough."""
-    best = next((name for name in decision.tests if name in converged), None)
-    if best is None or not near or not math.isfinite(decision.lead):
+def _of_few(decision: Decision) -> str:
+    """Why what the best-fitting cause leaves of few data is not enough, where that does not rule it out by itself."""
+    best, lead = decision.best_fit, decision.lead
+    if not best or decision.tests[best].p_value < SET_LEVEL or not math.isfinite(lead):
         return ""
-    left, than = decision.tests[best], "better" if decision.lead > 0.0 else "worse"
+    least = least_p(lead)
+    asked = f"{least:.2g} is asked for" if least <= 1.0 else "none would do"
     return (
-        "Of so few data what the best-fitting cause leaves and what speaks for a correction of no name count together. "
-        f"{best} leaves {left.statistic:+.2g} nat, where noise alone leaves 0 in one of twenty, and such a correction "
-        f"describes the data {than} than any one cause, by {abs(decision.lead):.2g} nat. The first and "
-        f"{SHARE_OF_LEAD:g} of the second are {both(left, decision.lead):+.2g}; {MOST_OF_BOTH:+.2g} are allowed."
+        f"Of so few data a wrong cause leaves little. {best} fits best; what it leaves has a p of "
+        f"{decision.tests[best].p_value:.2g}, where {asked}: the better a correction of no name describes the data, "
+        f"the more (its lead over the best of the causes is {lead:+.2g} nat)."
     )
 
 
@@ -260,7 +259,7 @@ def _table(found: Diagnosis) -> list[str]:
         "the model with it leaves, where it was put in: where something is wrong the likeliest are, six at most; what "
         "was not is called not needed. A cause is ruled out if what it leaves is conspicuous, and possible if that is "
         f"unlikely (p below {UNEXPLAINED_LEVEL:g}) but not out of the question ({SET_LEVEL:g}), if its refit did not "
-        "converge, or if a correction of no name describes the data too well beside any one cause. "
+        "converge, or if it does not explain the data well enough, given how well a correction of no name does. "
         '"Would be seen from" is the strength of d\' = 4.5 in noise such as the model of the verdict leaves: found in '
         "96 of 100 such data sets if noise and model were known, in fewer as they are not.",
         "",

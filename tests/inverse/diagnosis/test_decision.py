@@ -9,7 +9,7 @@ from scipy import stats
 from inverse.diagnosis.decision import Refitted, decide
 from inverse.diagnosis.evidence import ALLOWANCE, evidence
 from inverse.diagnosis.noise import noise_family, series
-from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, MOST_OF_BOTH, UNEXPLAINED_LEVEL, both, enough, needed
+from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL, enough, least_p, needed
 from inverse.diagnosis.screening import Alternative, Screen
 
 N = 80
@@ -230,24 +230,24 @@ def test_noise_is_averaged_only_where_everything_is_tested(monkeypatch):
         assert len(kinds) > 1 and set(kinds[1:]) == {1}
 
 
-def said(p_value, statistic):
-    """A test of what a cause leaves, of which the rules read these two."""
+def said(p_value):
+    """A test of what a cause leaves, of which the rules read this."""
     screen = Screen(FITTED, CAUSES, FAMILY)
     one = evidence(screen, WAVE, np.random.default_rng(1), np.zeros(len(CAUSES), dtype=bool), 1.0, 40)
-    return dataclasses.replace(one, p_value=p_value, statistic=statistic)
+    return dataclasses.replace(one, p_value=p_value)
 
 
-def test_of_few_data_what_is_left_and_the_lead_of_free_forms_add_up():
-    nothing, little, much, worst = said(0.4, -1.3), said(0.1, -0.5), said(0.03, 0.5), said(0.001, 4.0)
+def test_of_few_data_the_more_is_asked_for_the_better_a_free_form_does():
+    nothing, little, much, worst = (said(p_value) for p_value in (0.6, 0.15, 0.04, 0.009))
     # Neither is conspicuous by itself, and of few data both together are.
     assert enough([little], 0.3, few=False) and not enough([little], 0.3, few=True)
     # What is left is conspicuous, and every free form by far the worse: of few data that makes up for it.
-    assert not enough([much], -5.0, few=False) and enough([much], -5.0, few=True)
+    assert not enough([much], -6.0, few=False) and enough([much], -6.0, few=True)
     # The other way round, up to a point.
     assert not enough([nothing], 0.6, few=False) and enough([nothing], 0.6, few=True)
-    assert not enough([nothing], 1.0, few=True)
-    # Of the lead no more counts than is clear.
-    assert both(worst, -6.0) == both(worst, -60.0) > MOST_OF_BOTH
+    assert not enough([nothing], 4.0, few=True) and not enough([nothing], np.inf, few=True)
+    # What is ruled out stays so, however bad every free form is.
+    assert least_p(-np.inf) == least_p(-60.0) == SET_LEVEL and not enough([worst], -np.inf, few=True)
     for few in (False, True):
         assert enough([nothing, worst], -1.0, few=few) and not enough([], -1.0, few=few)
     # The best fit speaks for few data, and for many any that leaves nothing.
@@ -255,13 +255,25 @@ def test_of_few_data_what_is_left_and_the_lead_of_free_forms_add_up():
 
 
 def test_an_effect_of_no_name_that_leaves_little_and_resembles_a_free_form_no_more_than_a_cause():
-    """Half way between the two, at a t of 4: neither is conspicuous, and few data take both together for enough."""
+    """Half way between the two, at a t of 4: neither is conspicuous, and of few data both together are."""
     ripple, wave, noise = beside_a_wave(0.8, seed=8)
     between, _, _ = beside_a_wave(0.95)
     of_many, of_few = (decided_beside_a_free_form(4.0 * between + noise, ripple, few=few) for few in (False, True))
     assert of_many.named == ("wave",) and of_few.verdict == "unexplained" and of_few.possible == ("wave",)
     assert 0.0 < of_few.lead < LEAD_OF_FREE_FORMS and of_few.candidates["wave"] > UNEXPLAINED_LEVEL
-    assert decided_beside_a_free_form(4.0 * wave, ripple, few=True).named == ("wave",)
+    of_few = decided_beside_a_free_form(6.0 * wave + noise, ripple, few=True)
+    assert of_few.lead < 0.0 and of_few.named == ("wave",)
+
+
+def test_of_few_data_the_best_fit_that_converged_speaks():
+    """One that did not may have the least misfit on its way."""
+
+    def extend(added, _):
+        better = dataclasses.replace(projected(added), misfit=1e-6, converged=False)
+        return better if added[0].name == "bend" else projected(added)
+
+    found = decide(WAVE, FITTED, CAUSES, [], FAMILY, np.random.default_rng(1), extend=extend, few=True)
+    assert next(iter(found.tests)) == "bend" and found.best_fit == "wave" and found.named == ("wave",)
 
 
 def test_each_of_two_has_to_have_more_where_data_are_few_and_a_free_form_is_near():
