@@ -107,8 +107,8 @@ def test_nothing_hidden_and_a_coarser_mesh_is_no_cause(bench):
 def test_effect_without_a_name_gets_none(bench):
     """A bump at one temperature, which softening of liver may resemble.
 
-    Of d' = 9, seven in ten stay unexplained and one in eight is named, on linear data (docs): that both are found, one
-    of them stays so and none is named happens in two cases of three at d' = 9, and more often at 12. (Seed 60 alone was
+    Of d' = 9, eight in ten stay unexplained and one in 25 is named, on linear data (docs): that both are found, one of
+    them stays so and none is named happens in three cases of four at d' = 9, and more often at 12. (Seed 60 alone was
     asked for `unexplained` before, and came out as softening or a boundary; this was written then, for other seeds.)
     """
     found = [one_set(Condition("unknown", "bump", 12.0), blind.TEST_SEEDS + 64 + k, bench) for k in range(2)]
