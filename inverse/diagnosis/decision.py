@@ -9,9 +9,9 @@ r"""From statistics to a verdict, at stated error rates.
    p-values are multiplied by an `ALLOWANCE`.
 2. *Which cause?* Every cause that could be the one is put into the model, and everything else is tested again: a cause
    after which nothing is left stays possible: a true one that is tried is left out with probability `SET_LEVEL`.
-3. *Two causes?* Where one does not do, the likeliest causes of what it leaves that are `needed` there are put in
-   beside it, and everything else is tested once more. A pair counts only if each is as strong beside the other: two
-   wrong causes take much of what a third leaves.
+3. *Two causes?* Where one does not do, the likeliest causes of what it leaves that have `NEEDED` there are put in
+   beside it, and everything else is tested once more. A pair counts only if each is so strong beside the other that it
+   would be seen alone (`NEEDED`): two wrong causes take much of what a third leaves.
 4. *No cause?* If none is `enough`, for what it leaves and for how well a free form describes the data, and no pair
    leaves the rest inconspicuous at `PAIR_LEVEL`, the verdict is `unexplained`, never the nearest name. Which causes
    stay possible is said then, too. A refit that did not converge explains nothing, but rules no cause out either.
@@ -26,13 +26,15 @@ from jaxtyping import Float
 
 from inverse.diagnosis.evidence import Evidence, evidence
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.rule import SET_LEVEL, enough, needed
+from inverse.diagnosis.rule import SET_LEVEL, enough
 from inverse.diagnosis.screening import Alternative, Screen, independent, unit_columns
 
 FREE_FORM_HANDICAP = 10.0
 PAIR_LEVEL = 0.1
 """p-value of what is left below which a pair does not explain the data: many are tried, so that one that takes an
 effect of no name is found more easily."""
+NEEDED = 4.5
+"""t that each cause of a pair must have beside the other."""
 REPLICATES = 400
 """Of noise alone, at a level of 5 %; see `replicates_at`."""
 _BEYOND = 20
@@ -252,17 +254,16 @@ def _pairs(
 ) -> dict[tuple[str, ...], _Tried]:
     """Pairs of which each cause is needed beside the other, put into the model."""
     tried: dict[tuple[str, ...], _Tried] = {}
-    least = needed(found.lead, few=found.few)
     for first in list(found.misfits)[:_FIRST]:
         left = found.tests[first]
         for second in left.ranked(names)[:_SECOND]:
             row = left.best(second)
             pair = tuple(sorted((first, second)))
-            if row is None or abs(left.statistics[row]) < least:
+            if row is None or abs(left.statistics[row]) < NEEDED:
                 break
             other = found.tests.get(second)
             back = None if other is None else other.best(first)
-            if pair in tried or (other is not None and back is not None and abs(other.statistics[back]) < least):
+            if pair in tried or (other is not None and back is not None and abs(other.statistics[back]) < NEEDED):
                 continue
             start = found.omnibus.best(first)
             if start is not None:

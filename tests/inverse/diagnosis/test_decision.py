@@ -9,7 +9,7 @@ from scipy import stats
 from inverse.diagnosis.decision import Refitted, decide
 from inverse.diagnosis.evidence import ALLOWANCE, evidence
 from inverse.diagnosis.noise import noise_family, series
-from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL, enough, least_p, needed
+from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL, enough, least_p
 from inverse.diagnosis.screening import Alternative, Screen
 
 N = 80
@@ -274,24 +274,3 @@ def test_of_few_data_the_best_fit_that_converged_speaks():
 
     found = decide(WAVE, FITTED, CAUSES, [], FAMILY, np.random.default_rng(1), extend=extend, few=True)
     assert next(iter(found.tests)) == "bend" and found.best_fit == "wave" and found.named == ("wave",)
-
-
-def test_each_of_two_has_to_have_more_where_data_are_few_and_a_free_form_is_near():
-    assert needed(-30.0, few=True) == needed(-30.0, few=False) == needed(9.0, few=False)
-    assert needed(9.0, few=True) > needed(0.0, few=True) > needed(0.0, few=False)
-
-
-@pytest.mark.parametrize(("size", "cosine", "named"), [(6.0, 0.8, False), (12.0, 0.8, True), (6.0, 0.5, True)])
-def test_two_causes_of_few_data_are_named_if_they_are_large_or_nothing_else_is_near(size, cosine, named):
-    basis = np.linalg.qr(np.column_stack([FITTED, *(one.directions for one in CAUSES[:2]), np.cos(23.0 * POSITION)]))[0]
-    fitted, other = basis[:, :2], basis[:, 4]
-    directions = np.column_stack([one.directions[:, 0] for one in CAUSES[:2]])
-    directions -= fitted @ (fitted.T @ directions)
-    effect = size * np.sum(directions / np.linalg.norm(directions, axis=0), axis=1)
-    noise = np.random.default_rng(6).standard_normal(N)
-    noise -= basis @ (basis.T @ noise)
-    form = cosine * effect / np.linalg.norm(effect) + np.sqrt(1.0 - cosine**2) * other
-    of_many, of_few = (decided_beside_a_free_form(effect + noise, form, few=few) for few in (False, True))
-    assert of_many.named == ("step", "wave")
-    assert of_few.named == (of_many.named if named else ()) and of_few.verdict == ("named" if named else "unexplained")
-    assert of_few.few and not of_many.few

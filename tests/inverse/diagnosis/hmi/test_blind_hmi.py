@@ -87,26 +87,16 @@ class WithDrift:
         return blind.NOISE * change(plain, blind.strength_of(self.simulator, z, change, 9.0, self.name, first))
 
 
-PAIR = {"cavitation", WithDrift.name}
-
-
-@pytest.fixture(scope="module")
-def two_at_once(bench):
-    """What is said of bubbles and drift, d' = 9 each."""
-    drifting = dataclasses.replace(bench, fine=WithDrift(bench.fine))
+def test_of_two_causes_at_once_no_other_is_named(bench):
+    """Bubbles and drift, d' = 9 each. Of five development sets (seeds 501, 504, 506, 507, and 501 with the other sign
+    of the drift) both are named in two and in a set with others in one, one is unexplained and one, though d' is 16,
+    taken for correlated noise; no other cause is named. Rates are not known better than that.
+    """
+    pair, drifting = {"cavitation", WithDrift.name}, dataclasses.replace(bench, fine=WithDrift(bench.fine))
     seeds = [blind.TEST_SEEDS + k for k in (120, 121, 122, 123)]
-    return [one_set(Condition("known", "cavitation", 9.0), seed, drifting) for seed in seeds]
-
-
-def test_of_two_causes_at_once_no_other_is_named(two_at_once):
-    """Of five development sets (seeds 501, 504, 506, 507, and 501 with the other sign of the drift) none was."""
-    assert all(set(one["named"]) <= PAIR for one in two_at_once)
-
-
-@pytest.mark.xfail(reason="since each of two has to have more where data are few, this pair is too weak", strict=True)
-def test_two_causes_at_once_are_both_named_once_of_four(two_at_once):
-    """Two sets are unexplained and two taken for noise; of one the two have 5.4 and 7.5 where 5.9 is asked for."""
-    assert any({*one["named"], *one["confusable"]} >= PAIR for one in two_at_once)
+    found = [one_set(Condition("known", "cavitation", 9.0), seed, drifting) for seed in seeds]
+    assert all(set(one["named"]) <= pair for one in found)
+    assert any(pair <= {*one["named"], *one["confusable"]} for one in found)
 
 
 def test_nothing_hidden_and_a_coarser_mesh_is_no_cause(bench):
