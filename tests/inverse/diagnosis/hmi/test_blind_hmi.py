@@ -107,7 +107,7 @@ def test_nothing_hidden_and_a_coarser_mesh_is_no_cause(bench):
 def test_effect_without_a_name_gets_none(bench):
     """A bump at one temperature, which softening of liver may resemble.
 
-    Of d' = 9, eight in ten stay unexplained and one in 25 is named, on linear data (docs): that both are found, one of
+    Of d' = 9, eight in ten stay unexplained and one in 17 is named, on linear data (docs): that both are found, one of
     them stays so and none is named happens in three cases of four at d' = 9, and more often at 12. (Seed 60 alone was
     asked for `unexplained` before, and came out as softening or a boundary; this was written then, for other seeds.)
     """
