@@ -40,6 +40,7 @@ def output_directory(out: Path) -> Iterator[Path]:
         raise _unwritable(out, error) from None
     try:
         yield temporary
+        _require_room(temporary, out)
         try:
             _move(temporary, out)
         except OSError as error:
@@ -50,6 +51,17 @@ def output_directory(out: Path) -> Iterator[Path]:
 
 def _unwritable(out: Path, error: OSError) -> InputError:
     return InputError(f"{out}: cannot be written to ({error.strerror}); give --out another folder.")
+
+
+def _require_room(source: Path, target: Path) -> None:
+    """Nothing is moved where one file would be stopped by a folder of its name, or the other way round."""
+    for path in source.iterdir():
+        there = target / path.name
+        if there.exists() and there.is_dir() != path.is_dir():
+            kind, other = ("a folder", "a file") if there.is_dir() else ("a file", "a folder")
+            raise InputError(f"{there}: is {kind} where {other} has to go; give --out another folder.")
+        if there.is_dir():
+            _require_room(path, there)
 
 
 def _move(source: Path, target: Path) -> None:

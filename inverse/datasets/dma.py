@@ -18,6 +18,8 @@ SMALLEST_LOSS_TANGENT, LARGEST_LOSS_TANGENT = 1e-3, 1e2
 """Typical ratios of loss to storage modulus that tissue, gels and polymers do not leave; kPa beside Pa does."""
 HOTTEST_START = 200.0
 """Lowest temperature [degC] of a file above which its temperatures are taken for kelvin."""
+_SAME_FREQUENCY = 1e-3
+"""Step between sorted logarithms of frequency that starts a new one."""
 SWEEP_GAP = 1.0
 """Gap between sorted temperatures [K] that starts a new sweep."""
 
@@ -104,8 +106,7 @@ class DmaData:
     @property
     def distinct_frequencies(self) -> int:
         """Number of frequencies that differ by more than a thousandth."""
-        ordered = np.sort(np.log(self.frequency_hz))
-        return int(1 + np.sum(np.diff(ordered) > 1e-3))
+        return len(np.unique(frequency_groups(self.frequency_hz)))
 
     def select(self, rows: Int[np.ndarray, " m"] | Bool[np.ndarray, " n"]) -> "DmaData":
         """Some of the rows."""
@@ -116,6 +117,19 @@ class DmaData:
         }
         labels = tuple(np.asarray(self.sample, dtype=object)[rows]) if self.sample else ()
         return dataclasses.replace(self, sample=labels, **chosen)
+
+
+def frequency_groups(frequency: Float[np.ndarray, " row"]) -> Int[np.ndarray, " row"]:
+    """Number of each row's frequency in ascending order: those within a thousandth of the next lower one are the same.
+
+    Args:
+        frequency: Of each row, in any unit.
+    """
+    order = np.argsort(frequency, kind="stable")
+    steps = np.diff(np.log(frequency[order])) > _SAME_FREQUENCY
+    group = np.zeros(len(order), dtype=int)
+    group[order[1:]] = np.cumsum(steps)
+    return group
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """What a named cause of misfit is: an extension of one place of the model that does nothing at strength 0."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import ClassVar, Generic, TypeVar
 
 import equinox as eqx
@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
-from arfjax import FractionalZener, complex_modulus
+from arfjax import FractionalZener, InputError, complex_modulus
 
 Strength = float | Float[Array, ""]
 
@@ -142,6 +142,16 @@ class Extension(eqx.Module, Generic[AnyCause]):
     def has_shape(self) -> bool:
         """Whether the cause has a second parameter."""
         return len(self.cause.shapes) > 1
+
+
+def require_causes(library: Sequence[Cause]) -> None:
+    """Refuse to look for nothing.
+
+    Raises:
+        InputError: if there is no cause.
+    """
+    if not library:
+        raise InputError("causes: there are none to look for.")
 
 
 def every_shape(causes: Iterable[AnyCause]) -> list[Extension[AnyCause]]:

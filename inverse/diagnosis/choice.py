@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from arfjax import InputError
-from inverse.diagnosis.cause import AnyCause, Cause, DmaCause
+from inverse.diagnosis.cause import AnyCause, Cause, DmaCause, require_causes
 from inverse.diagnosis.hmi.cause import HmiCause
 
 
@@ -17,8 +17,7 @@ def find_causes(wanted: Sequence[str | Cause], library: Sequence[AnyCause]) -> t
     Raises:
         InputError: if there is none of a name, or a cause is of another kind than the library's.
     """
-    if not library:
-        raise InputError("causes: there are none to look for.")
+    require_causes(library)
     known, found = {cause.name: cause for cause in library}, {}
     kind = DmaCause if isinstance(library[0], DmaCause) else HmiCause
     for one in wanted:

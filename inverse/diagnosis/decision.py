@@ -24,10 +24,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from arfjax import InputError
 from inverse.diagnosis.evidence import Evidence, evidence
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.rule import SET_LEVEL, enough
-from inverse.diagnosis.screening import Alternative, Screen, independent, unit_columns
+from inverse.diagnosis.screening import LEAST_FREEDOM, Alternative, Screen, independent, unit_columns
 
 FREE_FORM_HANDICAP = 10.0
 PAIR_LEVEL = 0.1
@@ -154,13 +155,19 @@ def decide(
         few: Whether data are so few that the likeliest kind of noise is often another one than theirs: replicates of
             the test of everything are in noise of all kinds then, each as often as it is likely, with the `ALLOWANCE`;
             and what explains them has a rule of its own.
+
+    Raises:
+        InputError: if a cause has the name of a free form.
     """
     names = list(dict.fromkeys(cause.name for cause in causes))
+    without_cause = {free_form.name for free_form in free_forms}
+    if both := without_cause.intersection(names):
+        raise InputError(f"the cause {min(both)} has the name of a correction of no name: give it another.")
     count = replicates_at(level) if replicates is None else replicates
 
     def test(left, moved, remaining: Sequence[Alternative], handicap: float, **how: bool) -> Evidence:
         screen = Screen(moved, remaining, family)
-        free = np.array([a.name not in names for a in screen.alternatives], dtype=bool)
+        free = np.array([a.name in without_cause for a in screen.alternatives], dtype=bool)
         return evidence(screen, left, rng, free, handicap, count, **how)
 
     def linearly(added: Sequence[Alternative], noise: Noise) -> Refitted:
@@ -185,7 +192,9 @@ def decide(
         visible = {(cause.name, cause.shape) for cause in causes if cause.name not in inside}
         others = [cause for cause in refitted.others if (cause.name, cause.shape) in visible]
         left = test(refitted.residuals, refitted.directions, [*others, *free_forms], 1.0, whole=few)
-        return _Tried(refitted.misfit, left, refitted.converged)
+        # What leaves no data to judge it by explains nothing.
+        judged = len(residuals) - independent(refitted.directions).shape[1] >= LEAST_FREEDOM
+        return _Tried(refitted.misfit, left, refitted.converged and judged)
 
     def gained(name: str, tried: _Tried) -> float:
         """Nats by which a refit, the best shape in it, is likelier than the fit along the direction about the null."""
@@ -224,7 +233,7 @@ class _Tried:
     Attributes:
         misfit: What the fit made least.
         left: The test of what it leaves.
-        converged: Whether it did.
+        converged: Whether it did, and left data to judge it by.
     """
 
     misfit: float
@@ -260,7 +269,7 @@ def _pairs(
             row = left.best(second)
             pair = tuple(sorted((first, second)))
             if row is None or abs(left.statistics[row]) < NEEDED:
-                break
+                continue
             other = found.tests.get(second)
             back = None if other is None else other.best(first)
             if pair in tried or (other is not None and back is not None and abs(other.statistics[back]) < NEEDED):

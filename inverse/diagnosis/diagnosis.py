@@ -80,8 +80,9 @@ class CauseReport:
         interval: At 95 %.
         detectability: Strength of d' = 4.5 in noise as the verdict's model leaves it, found in 96 of 100 data sets if
             noise and model were known.
-        status: `named`, `confusable`, `possible` (what it leaves does not rule it out, but the verdict is
-            `unexplained`, or the refit did not converge), `ruled out` (what it leaves is conspicuous), or `not needed`.
+        status: `named`, `confusable`, `possible` (what it leaves does not rule it out, but it is no
+            explanation by itself, or the refit did not converge), `ruled out` (what it leaves is conspicuous), or
+            `not needed`.
         left: p-value of what the model with this cause leaves, where it was put in.
         converged: Whether the refit did; True where there was none.
         refit: That, with a second cause in it where two are named together; None where there was none.

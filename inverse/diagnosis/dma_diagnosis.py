@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from inverse.datasets.dma import DmaData
-from inverse.diagnosis.cause import DmaCause
+from inverse.datasets.dma import DmaData, frequency_groups
+from inverse.diagnosis.cause import DmaCause, require_causes
 from inverse.diagnosis.causes import DMA_CAUSES
 from inverse.diagnosis.diagnosis import Diagnosis, conclude, failed, require_level
 from inverse.diagnosis.dma_account import DmaAccount
@@ -43,10 +43,11 @@ def diagnose_dma(
         on_step: Told what is being done.
 
     Raises:
-        InputError: if there are too few data, or `level` or `replicates` is out of range.
+        InputError: if there are too few data, no causes, or `level` or `replicates` is out of range.
         ValueError: if JAX runs in single precision.
     """
     replicates = require_level(level, replicates)
+    require_causes(causes)
     on_step("fitting")
     problem, _ = dma_problem(data, model, seed=seed)
     audit = _audit(problem)
@@ -93,9 +94,9 @@ def _axes(problem: DmaProblem) -> tuple[Axis, ...]:
     frequency = np.asarray(problem.conditions.angular_frequency)
     sweep = np.asarray(problem.conditions.sweep)
     samples = [problem.sweeps[index].sample for index in sweep]
-    _, rounded = np.unique(np.round(np.log(frequency), 3), return_inverse=True)
+    same = frequency_groups(frequency)
     _, sample = np.unique(samples, return_inverse=True)
-    rounded = rounded + (1 + rounded.max()) * sample
+    same = same + (1 + same.max()) * sample
 
     def axis(along: str, keys, position) -> Axis:
         both = np.repeat(keys, coordinates) * coordinates + np.tile(np.arange(coordinates), problem.rows)
@@ -103,19 +104,19 @@ def _axes(problem: DmaProblem) -> tuple[Axis, ...]:
 
     return (
         axis("frequency", sweep, frequency),
-        axis("temperature", rounded, problem.conditions.temperature),
+        axis("temperature", same, problem.conditions.temperature),
         axis("time", sweep, problem.conditions.time),
     )
 
 
 def repeats_of(problem: DmaProblem) -> Repeats:
     """Pooled scatter of rows that share sweep and frequency."""
-    rounded = np.round(np.log(np.asarray(problem.conditions.angular_frequency)), 4)
+    same = frequency_groups(np.asarray(problem.conditions.angular_frequency))
     sweep = np.asarray(problem.conditions.sweep)
     total, freedom = 0.0, 0
     measured, weights = problem.measured, problem.weights
-    for key in set(zip(sweep.tolist(), rounded.tolist(), strict=True)):
-        rows = (sweep == key[0]) & (rounded == key[1])
+    for key in set(zip(sweep.tolist(), same.tolist(), strict=True)):
+        rows = (sweep == key[0]) & (same == key[1])
         if np.sum(rows) > 1:
             middle = np.average(measured[rows], axis=0, weights=weights[rows] ** 2)
             total += float(np.sum((weights[rows] * (measured[rows] - middle)) ** 2))

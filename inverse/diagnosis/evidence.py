@@ -93,7 +93,7 @@ def evidence(
     averaged: bool = False,
     whole: bool = True,
 ) -> Evidence:
-    """Test everything at once, against replicates of noise alone.
+    """Test everything at once, against replicates of noise alone; without alternatives nothing is conspicuous.
 
     Args:
         screen: With all alternatives.
@@ -115,16 +115,15 @@ def evidence(
         drawn = screen.replicate(residuals, weights, count, rng)
         log_p = np.concatenate([log_p, screen.statistics(drawn).log_p], axis=1)
         calibrated = _calibrated(log_p, free)
-        smallest = np.min(calibrated + penalty, axis=0)
+        smallest = np.min(calibrated + penalty, axis=0, initial=np.inf)
         if np.mean(smallest[1:] <= smallest[0]) > _CLEAR or smallest[0] < np.min(smallest[1:]) - _CLEARLY_BELOW:
             break
     own = calibrated[:, :1] + penalty
     allowed = ALLOWANCE if averaged else 1.0
     p_family = np.mean(smallest[None, :] <= own, axis=1)
     p_family = np.minimum(allowed * np.maximum(p_family, 1.0 / len(smallest)), 1.0)
-    best = int(np.argmin(own[:, 0]))
     return Evidence(
-        p_value=float(p_family[best]),
+        p_value=float(np.min(p_family, initial=1.0)),
         statistic=float(-smallest[0]),
         alternatives=screen.alternatives,
         log_p=found.log_p[:, 0],

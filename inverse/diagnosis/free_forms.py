@@ -13,6 +13,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
+from inverse.datasets.dma import frequency_groups
 from inverse.diagnosis.screening import Alternative, unit_columns
 
 LENGTHS = (0.3, 0.1)
@@ -22,8 +23,6 @@ MOST_TERMS = 100
 """Directions of one correction beyond which it takes more time than it is worth."""
 _LEAST_SPREAD = 0.02
 """Of a cosine, over that of the constant one, below which it is left out."""
-_SAME = 1e-3
-"""Relative difference below which two frequencies count as the same."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,8 +85,10 @@ def dma_free_forms(
             add(f"sweep-{index}-{length:g}", f"in the sweep {label} alone", smooth * (sweep == index)[:, None])
     if many:
         _add_of_many(add, relative, frequency, sweep, coordinate, len(labels), modulus, times)
-    for value in _distinct(frequency):
-        at = np.abs(np.log(frequency / value)) < _SAME
+    groups = frequency_groups(frequency)
+    for group in range(1 + int(groups.max())):
+        at = groups == group
+        value = float(np.min(frequency[at]))
         if len(np.unique(sweep[at])) < 2:
             continue
         for which, quantity in enumerate(("magnitude", "phase")):
@@ -144,9 +145,3 @@ def _smooth(
     waves = process(np.log(frequency), length)
     parts = [waves * (coordinate == which)[:, None] for which in np.unique(coordinate)]
     return np.concatenate(parts, axis=1)
-
-
-def _distinct(frequency: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
-    ordered = np.sort(frequency)
-    starts = np.concatenate([[True], np.diff(np.log(ordered)) > _SAME])
-    return ordered[starts]

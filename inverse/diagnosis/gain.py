@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from inverse.datasets.dma import SWEEP_GAP
+from inverse.datasets.dma import SWEEP_GAP, frequency_groups
 from inverse.diagnosis.cause import DmaCause, Extension
 from inverse.diagnosis.dma_problem import LEAST_SPARE, DmaProblem
 from inverse.diagnosis.extended_fit import Refit
@@ -78,16 +78,17 @@ def held_out_gain(
         library: Causes that other refits add.
 
     Returns:
-        The gain, or None where fewer than `LEAST_FOLDS` blocks could be left out.
+        The gain, or None where fewer than `LEAST_FOLDS` blocks could be left out, or all of one group, which has no
+        scatter to tell an error from.
     """
     null, extended = Refit(problem, (), noise, library=library), Refit(problem, extensions, noise, library=library)
     folds, split = _folds(problem, len(extensions))
-    if len(folds) < LEAST_FOLDS:
+    # Blocks of what was left out share its strength: they count as one when errors are told from scatter.
+    groups = np.unique([fold.group for fold in folds])
+    if len(folds) < LEAST_FOLDS or len(groups) < 2:
         return None
     scored = _scored(null, extended, noise, start, folds)
     before, after = [one[0] for one in scored], [one[1] for one in scored]
-    # Blocks of what was left out share its strength: they count as one when errors are told from scatter.
-    groups = np.unique([fold.group for fold in folds])
     gains = np.array([a[1] - b[1] for a, b in zip(after, before, strict=True)])
     counts = np.array([len(a[0]) for a in after])
     member = np.array([fold.group for fold in folds])
@@ -154,16 +155,15 @@ def _enough(problem: DmaProblem, kept: Bool[np.ndarray, " row"], extensions: int
     """Whether every sweep keeps more frequencies than it has constants, and all together data to spare."""
     sweep, omega = np.asarray(problem.conditions.sweep), np.asarray(problem.conditions.angular_frequency)
     constants = problem.moved.shape[1]
-    distinct = [len(np.unique(np.round(np.log(omega[kept & (sweep == one)]), 4))) for one in np.unique(sweep)]
+    distinct = [len(np.unique(frequency_groups(omega[kept & (sweep == one)]))) for one in np.unique(sweep)]
     spare = int(np.sum(kept)) * problem.weights.shape[1] - problem.moved.size - 2 * extensions
     return min(distinct) > constants and spare >= LEAST_SPARE
 
 
 def frequency_blocks(angular_frequency: Float[np.ndarray, " row"]) -> Int[np.ndarray, " row"]:
     """Block of each row: neighbours in frequency, about equally many distinct ones in each."""
-    distinct = np.unique(np.round(np.log(angular_frequency), 3))
-    rank = np.searchsorted(distinct, np.round(np.log(angular_frequency), 3))
-    return _blocks(rank, len(distinct))
+    rank = frequency_groups(angular_frequency)
+    return _blocks(rank, 1 + int(rank.max()))
 
 
 def _blocks(rank: Int[np.ndarray, " row"], count: int) -> Int[np.ndarray, " row"]:

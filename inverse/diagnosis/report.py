@@ -278,7 +278,7 @@ def _where(found: Diagnosis) -> list[str]:
     lines += [f"| {one.words} | {100.0 * one.share:.0f} % | {_p(one.p_family, least)} |" for one in places]
     lines += ["", "| neighbours along | correlation of residuals | p |", "| --- | ---: | ---: |"]
     lines += [f"| {one.along} | {one.correlation:+.2f} | {one.p_value:.3g} |" for one in found.residuals_whiteness]
-    return [*lines, ""] if found.places else []
+    return [*lines, ""] if found.places or found.residuals_whiteness else []
 
 
 def _noise(found: Diagnosis) -> list[str]:

@@ -23,18 +23,19 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy import stats
 
 from arfjax import InputError
 from inverse.diagnosis.noise import LOG_PRIOR_OF_CORRELATION, Noise
+from inverse.diagnosis.tails import log_p_of_one_variance, log_p_of_t
 
 SIGNALS = (3.0, 6.0, 12.0)
 """Root of the sum of squares that a Gaussian process is expected to add, in standard deviations of the noise."""
 _VISIBLE = 1e-2
 """Part of a process's direction that the fitted parameters and its coarser directions must leave for it to count."""
+LEAST_FREEDOM = 2
+"""Data beyond what is fitted without which no strength and its error can be told."""
 _HIGHEST_LEVERAGE = 0.95
-_FLOOR = 1e-300
-_HIGHEST_EXPONENT = 200.0
+_FLOOR, _HIGHEST_EXPONENT = 1e-300, 200.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,7 +100,8 @@ class Screen:
 
         Args:
             fitted: Derivative of the prediction in the fitted parameters, one column each.
-            alternatives: What to test for; those of which the fitted parameters leave nothing are left out.
+            alternatives: What to test for; those of which the fitted parameters leave nothing are left out, all of
+                them where these leave fewer than `LEAST_FREEDOM` data.
             family: Noise members, white first.
 
         Raises:
@@ -115,7 +117,7 @@ class Screen:
         self.freedom = self._fitted.shape[0] - self._fitted.shape[1]
         self.family = tuple(family)
         reduced = [visible_columns(alternative.directions, self._fitted) for alternative in alternatives]
-        usable = [columns.shape[1] > 0 for columns in reduced]
+        usable = [columns.shape[1] > 0 and self.freedom >= LEAST_FREEDOM for columns in reduced]
         self.alternatives = tuple(a for a, use in zip(alternatives, usable, strict=True) if use)
         reduced = [columns for columns, use in zip(reduced, usable, strict=True) if use]
         self._single = np.array([a.directions.shape[1] == 1 for a in self.alternatives], dtype=bool)
@@ -283,11 +285,11 @@ class Screen:
     def _log_p(self, statistic):
         log_p = np.zeros_like(statistic)
         single = np.flatnonzero(self._single)
-        one = stats.t.logsf(np.abs(statistic[single]), self.freedom - 1)
+        one = log_p_of_t(np.abs(statistic[single]), self.freedom - 1)
         log_p[single] = np.where(self._signs == 0, np.log(2.0) + one, one)
         several = np.flatnonzero(~self._single)
         # A variance is at its bound in half of all data sets without it.
-        log_p[several] = np.log(0.5) + stats.chi2.logsf(statistic[several], 1)
+        log_p[several] = np.log(0.5) + log_p_of_one_variance(statistic[several])
         return log_p
 
 

@@ -44,16 +44,24 @@ def test_a_file_is_no_folder(tmp_path):
 
 def test_nothing_is_left_where_results_cannot_go(tmp_path, monkeypatch):
     (tmp_path / "out" / "a.txt").mkdir(parents=True)
-    with pytest.raises(InputError, match="out: cannot be written to"), output_directory(tmp_path / "out") as folder:
+    with (
+        pytest.raises(InputError, match="a.txt: is a folder where a file"),
+        output_directory(tmp_path / "out") as folder,
+    ):
+        (folder / "0.txt").write_text("first in order, and not moved either")
         (folder / "a.txt").write_text("a file where a folder is")
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["a.txt"]
+    (tmp_path / "out" / "a.txt" / "b").write_text("a file where a folder has to go")
+    with pytest.raises(InputError, match="b: is a file where a folder"), output_directory(tmp_path / "out") as folder:
+        (folder / "a.txt" / "b").mkdir(parents=True)
 
     def refused(**_):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("tempfile.mkdtemp", refused)
-    with pytest.raises(InputError, match="Permission denied"), output_directory(tmp_path / "new"):
-        pass
+    with pytest.raises(InputError, match="new: cannot be written to .Permission denied"):
+        with output_directory(tmp_path / "new"):
+            pass
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 

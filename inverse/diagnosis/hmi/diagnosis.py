@@ -7,6 +7,7 @@ import numpy as np
 
 from arfjax import Discretisation, Effort, Experiment, InputError
 from inverse.datasets.hmi import HmiData
+from inverse.diagnosis.cause import require_causes
 from inverse.diagnosis.diagnosis import Diagnosis, conclude, failed, require_level
 from inverse.diagnosis.examination import FullFit
 from inverse.diagnosis.gain import Gain
@@ -74,11 +75,12 @@ def diagnose_hmi(
         on_step: Told what is being done.
 
     Raises:
-        InputError: if data and experiment do not go together, there are too few data, or `level` or `replicates` is out
-            of range.
+        InputError: if data and experiment do not go together, there are too few data or no causes, or `level` or
+            `replicates` is out of range.
         ValueError: if JAX runs in single precision.
     """
     replicates = require_level(level, replicates)
+    require_causes(causes)
     settings = require_diagnosable(data, described, name)
     if prepared is None:
         prepared = prepare_hmi(
@@ -114,9 +116,10 @@ def diagnose_curves(
         on_step: Told what is being done.
 
     Raises:
-        InputError: if `level` or `replicates` is out of range.
+        InputError: if there are no causes, or `level` or `replicates` is out of range.
     """
     replicates = require_level(level, replicates)
+    require_causes(causes)
     on_step("fitting")
     null, size, audit = _fitted(problem, corrected, seed, on_step)
     problem = null.problem
@@ -183,9 +186,8 @@ def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: C
     spread = 0.5 * np.random.default_rng(seed).standard_normal(len(problem.program.start))
     start[problem.program.constants] += spread * problem.program.spreads
     other = fit_hmi(problem, (), white, size=size, start=start)
-    remarks = _disagreement(null, other)
-    if other.converged and other.misfit < null.misfit:
-        null = other
+    chosen = other if other.converged and (other.misfit < null.misfit or not null.converged) else null
+    remarks, null = _disagreement(null, other, chosen), chosen
     if corrected:
         on_step("full simulation where the fit is")
         null = fit_in_full(problem, (), white, size=size, start=null.unknowns)
@@ -195,10 +197,12 @@ def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: C
     return null, size, (*remarks, *fit_remarks(null))
 
 
-def _disagreement(null: HmiFit, other: HmiFit) -> tuple[str, ...]:
-    if abs(other.misfit - null.misfit) > _AGREEMENT * null.misfit / len(null.problem.rows):
+def _disagreement(null: HmiFit, other: HmiFit, chosen: HmiFit) -> tuple[str, ...]:
+    if abs(other.misfit - null.misfit) <= _AGREEMENT * null.misfit / len(null.problem.rows):
+        return ()
+    if chosen.misfit == min(null.misfit, other.misfit):
         return ("Fits from two starts do not agree: the better one is used.",)
-    return ()
+    return ("Fits from two starts do not agree: the better one did not converge, and the other one is used.",)
 
 
 def fit_remarks(null: HmiFit) -> tuple[str, ...]:

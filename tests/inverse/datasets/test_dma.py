@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from arfjax.errors import InputError
-from inverse.datasets.dma import DmaData, group_sweeps, read_dma
+from inverse.datasets.dma import DmaData, frequency_groups, group_sweeps, read_dma
 from inverse.datasets.shipped import shipped, shipped_names
 from tests.mutations import mutations
 
@@ -156,6 +156,12 @@ def test_sweeps_are_split_at_a_kelvin_and_sorted():
     assert [(sweep.sample, len(sweep.data)) for sweep in sweeps] == [("a", 4), ("a", 2), ("b", 1)]
     np.testing.assert_array_equal(sweeps[0].data.frequency_hz, [1.0, 2.0, 3.0, 4.0])
     assert sweeps[1].temperature_c == pytest.approx(50.45)
+
+
+def test_frequencies_within_a_thousandth_are_the_same():
+    frequency = np.array([10.0, 1.0, 1.0004, 5.0, 0.9999, 10.0, 5.02])
+    np.testing.assert_array_equal(frequency_groups(frequency), [3, 0, 0, 1, 0, 3, 2])
+    assert frequency_groups(np.zeros(0)).size == 0
 
 
 def test_shipped_sets_are_whole_and_licensed():

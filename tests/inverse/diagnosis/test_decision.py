@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from inverse.diagnosis.decision import Refitted, decide
+from arfjax import InputError
+from inverse.diagnosis.decision import NEEDED, Refitted, decide
 from inverse.diagnosis.evidence import ALLOWANCE, evidence
 from inverse.diagnosis.noise import noise_family, series
 from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL, enough, least_p
@@ -274,3 +275,78 @@ def test_of_few_data_the_best_fit_that_converged_speaks():
 
     found = decide(WAVE, FITTED, CAUSES, [], FAMILY, np.random.default_rng(1), extend=extend, few=True)
     assert next(iter(found.tests)) == "bend" and found.best_fit == "wave" and found.named == ("wave",)
+
+
+def far_above_noise(seed=3):
+    """Three like each other, of which the last one is there, so strongly that no float holds the p-value of any."""
+    x = np.linspace(0.0, 1.0, 600)
+    names = {"alike": x**1.9, "between": x**2.2, "true": x**2}
+    causes = [Alternative(name, column[:, None]) for name, column in names.items()]
+    ripple = Alternative("ripple", np.stack([np.cos(k * np.pi * x) for k in range(1, 7)], axis=-1))
+    data = 40.0 * x**2 + 0.02 * np.random.default_rng(seed).standard_normal(len(x))
+    fitted = np.column_stack([np.ones_like(x), x])
+    family = noise_family((series("time", [0] * len(x), x),), x)[:1]
+    return decide(data, fitted, causes, [ripple], family, np.random.default_rng(1))
+
+
+def test_effects_far_above_the_noise_have_an_order_and_a_lead():
+    found = far_above_noise()
+    assert np.all(np.isfinite(found.omnibus.log_p)) and np.min(found.omnibus.log_p) < -1000.0
+    assert found.omnibus.ranked(["alike", "between", "true"])[0] == "true"
+    assert found.lead < 0.0 and found.named == ("true",)
+
+
+def test_what_leaves_no_data_explains_nothing():
+    """Ten data, seven constants and a third cause that is in no list: two causes leave one datum, whatever that is."""
+    count = 10
+    x = np.linspace(0.0, 1.0, count)
+    fitted = np.stack([np.cos(k * np.pi * x) for k in range(7)], axis=-1)
+    waves = {name: np.sin((k + 8.3) * 2.1 * x) for k, name in enumerate(("one", "two"))}
+    causes = [Alternative(name, column[:, None]) for name, column in waves.items()]
+    family = noise_family((series("time", [0] * count, x),), x)[:1]
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        data = 1e3 * rng.standard_normal() * waves["one"] + 1e3 * rng.standard_normal() * waves["two"]
+        data += rng.standard_normal(count)
+        found = decide(data, fitted, causes, [], family, np.random.default_rng(1))
+        assert all(len(names) < 2 for names in found.explanations)
+
+
+def test_nothing_else_to_look_for_is_nothing_conspicuous():
+    """One cause alone in the list, and no correction of no name."""
+    found = decide(WAVE, FITTED, CAUSES[:1], [], FAMILY, np.random.default_rng(1))
+    assert found.verdict == "named" and found.candidates == {"wave": 1.0}
+
+
+def test_a_cause_must_not_have_the_name_of_a_free_form():
+    ripple = Alternative("wave", np.cos(31.0 * POSITION)[:, None])
+    with pytest.raises(InputError, match="the cause wave has the name of a correction"):
+        decide(WAVE, FITTED, CAUSES, [ripple], FAMILY, np.random.default_rng(1))
+
+
+def test_a_weaker_second_cause_does_not_hide_the_next():
+    """One-sided, it is the more improbable with less of a t than a pair asks for: the next one has enough."""
+    waves = np.stack([np.sin(k * POSITION) for k in (9.0, 20.0, 31.0)], axis=-1)
+    basis = np.linalg.qr(np.column_stack([FITTED, waves]))[0]
+    noise = np.random.default_rng(3).standard_normal(N)
+    noise -= basis @ (basis.T @ noise)
+    unit = basis[:, 2:]
+    signs = {"a": 0, "b": 1, "c": 0}
+    causes = [Alternative(name, unit[:, [k]], sign=sign) for k, (name, sign) in enumerate(signs.items())]
+    # t^2 = a^2 (N - 4) / (what the noise and the other one leave), for both.
+    share = np.array([NEEDED - 0.04, NEEDED + 0.03]) ** 2 / (N - 4)
+    squares = np.linalg.solve(np.array([[1.0, -share[0]], [-share[1], 1.0]]), share * (noise @ noise))
+    data = noise + unit @ np.array([30.0, *np.sqrt(squares)])
+    test = Screen(np.column_stack([FITTED, unit[:, 0]]), causes[1:], FAMILY).statistics(data[:, None])
+    np.testing.assert_allclose(test.statistic[:, 0], [NEEDED - 0.04, NEEDED + 0.03])
+    assert test.log_p[0, 0] < test.log_p[1, 0]
+    tried = []
+
+    def extend(added, _):
+        tried.append([one.name for one in added])
+        moved = np.concatenate([FITTED, *(one.directions for one in added)], axis=1)
+        rest = data - moved @ np.linalg.lstsq(moved, data)[0]
+        return Refitted(rest, moved, float(rest @ rest), causes)
+
+    decide(data, FITTED, causes, [], FAMILY, np.random.default_rng(1), extend=extend)
+    assert ["a", "c"] in tried and ["a", "b"] not in tried

@@ -232,6 +232,11 @@ def test_of_two_forms_of_the_same_words_the_likelier_is_shown_at_its_place(file)
     assert "| here | 90 % |" in written and "| e | 50 % |" in written and "| f |" not in written
 
 
+def test_nothing_to_look_for_is_refused(file):
+    with pytest.raises(InputError, match="causes: there are none"):
+        dma_diagnosis.diagnose_dma(read_dma(file), causes=())
+
+
 def test_the_library_is_the_default(file):
     found = inverse.diagnose(file, gain=False).details
     known = [one.cause.name for one in found.causes] + [one.name for one in found.not_testable]

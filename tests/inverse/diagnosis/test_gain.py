@@ -7,9 +7,11 @@ import pytest
 
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
+from inverse.diagnosis import gain as gain_module
 from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.dma_diagnosis import repeats_of
 from inverse.diagnosis.dma_problem import dma_problem
-from inverse.diagnosis.gain import _folds, held_out_gain, root_mean_square, sample_groups, temperature_groups
+from inverse.diagnosis.gain import _Fold, _folds, held_out_gain, root_mean_square, sample_groups, temperature_groups
 from inverse.diagnosis.noise import noise_family
 from inverse.dma_fit import FRACTIONAL
 from tests.blind import dma_generator as blind
@@ -88,6 +90,35 @@ def test_frequencies_are_left_out_where_temperatures_are_few(tmp_path):
     assert all(np.array_equal(fold.strength, fold.constants) for fold in folds)
     gain = held_out_gain(problem, (Extension(DRIFT, 0.0),), white(problem), np.array([0.05]), library=(DRIFT,))
     assert gain is not None and np.isfinite(gain.log_score_gain)
+
+
+def test_repeats_at_not_quite_the_same_frequency_are_no_frequencies_more(tmp_path):
+    """Six frequencies four times each, 0.02 % apart: a block left out must leave more distinct ones than constants.
+
+    Counted by rounding, blocks were left out that left four or even three, and a fit to three is refused.
+    """
+    data = measured(tmp_path, seed=312, name="sweep-drift", d_prime=12.0)
+    chosen = np.unique(data.frequency_hz)[[0, 3, 6, 9, 12, 13]]
+    rows = np.tile(np.flatnonzero(np.isin(data.frequency_hz, chosen) & (data.temperature_c < 60.0)), 4)
+    apart = np.random.default_rng(1).uniform(-2e-4, 2e-4, len(rows))
+    data = data.select(rows)
+    problem = dma_problem(dataclasses.replace(data, frequency_hz=data.frequency_hz * (1.0 + apart)), FRACTIONAL)[0]
+    sweep, omega = np.asarray(problem.conditions.sweep), np.asarray(problem.conditions.angular_frequency)
+    folds = _folds(problem, 1)[0]
+    assert len(folds) == 4
+    for fold in folds:
+        apart = [np.diff(np.sort(np.log(omega[fold.constants & (sweep == one)]))) for one in np.unique(sweep)]
+        assert min(1 + np.sum(steps > 1e-3) for steps in apart) == 5
+    assert repeats_of(problem).freedom == 2 * 3 * 6 * len(problem.sweeps)
+
+
+def test_one_group_has_no_scatter_to_tell_an_error_from(drifting):
+    """Of four temperatures one alone has the higher frequencies: all that could be left out is at that one."""
+    sweep, omega = np.asarray(drifting.conditions.sweep), np.asarray(drifting.conditions.angular_frequency)
+    alone = [_Fold(sweep == 0, omega < cut, sweep != 0, 0.0) for cut in np.quantile(omega, (0.5, 0.7, 0.9))]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(gain_module, "_folds", lambda *_: (alone, "of one group"))
+        assert held_out_gain(drifting, (Extension(DRIFT, 0.0),), white(drifting), np.array([0.05])) is None
 
 
 def test_samples_at_about_the_same_temperature_are_left_out_together(drifting):
