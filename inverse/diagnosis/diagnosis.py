@@ -56,6 +56,10 @@ class Account(Protocol):
         """What one looks at first, as measured and as the model has it, without causes and with each of some."""
         ...
 
+    def links(self) -> tuple[Absorbed, ...]:
+        """What a correction of no name in each link of the model takes of the misfit of the fit without causes."""
+        ...
+
     def describe(self, place: Absorbed) -> str:
         """Where a correction of no name is largest, its sign and its size."""
         ...

@@ -48,6 +48,10 @@ class DmaAccount:
         del with_causes
         return []
 
+    def links(self) -> tuple[Absorbed, ...]:
+        """None: what may be wrong with a modulus is among the free forms."""
+        return ()
+
     def describe(self, place: Absorbed) -> str:
         """Where the correction is largest, its sign and its size."""
         return _describe(self.problem, place)

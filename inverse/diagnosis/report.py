@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from inverse.diagnosis.decision import Decision
+from inverse.diagnosis.decision import REPLICATES, Decision
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
-from inverse.diagnosis.evidence import Evidence
+from inverse.diagnosis.evidence import ALLOWANCE, Evidence
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL, least_p
 from inverse.diagnosis.where import Absorbed
@@ -48,7 +48,8 @@ def as_json(found: Diagnosis, remarks: Sequence[str] = ()) -> dict[str, Any]:
         ],
         "gain": None if found.gain is None else vars(found.gain),
         "noise": None if found.noise is None else {**vars(found.noise), "words": found.noise.describe()},
-        "where": [{"words": one.words, "share": one.share, "p_value": one.p_family} for one in _once(found.places)],
+        "where": [_absorbed(one) for one in _once(found.places)],
+        "links": [_absorbed(one) for one in links_of(found)],
         "whiteness": [vars(one) for one in found.residuals_whiteness],
         "unexplained": unexplained(found),
         "audit": list(found.audit),
@@ -58,6 +59,10 @@ def as_json(found: Diagnosis, remarks: Sequence[str] = ()) -> dict[str, Any]:
         "versions": versions(),
     }
     return finite(content)
+
+
+def _absorbed(one: Absorbed) -> dict[str, Any]:
+    return {"words": one.words, "share": one.share, "p_value": one.p_family}
 
 
 _PLACES = 5
@@ -278,7 +283,30 @@ def _where(found: Diagnosis) -> list[str]:
     lines += [f"| {one.words} | {100.0 * one.share:.0f} % | {_p(one.p_family, least)} |" for one in places]
     lines += ["", "| neighbours along | correlation of residuals | p |", "| --- | ---: | ---: |"]
     lines += [f"| {one.along} | {one.correlation:+.2f} | {one.p_value:.3g} |" for one in found.residuals_whiteness]
-    return [*lines, ""] if found.places or found.residuals_whiteness else []
+    lines = [*lines, "", *_links(found)]
+    return lines if found.places or found.residuals_whiteness else []
+
+
+def _links(found: Diagnosis) -> list[str]:
+    """In which link of a chain a smooth correction could take what no cause is in the model for."""
+    links = links_of(found)
+    if not links:
+        return []
+    least = ALLOWANCE / (1 + REPLICATES)
+    return [
+        "Before any cause is put in, a correction of no name in one link of the model, smooth along temperature, could "
+        "take (p: that noise alone gives any of these as much):",
+        "",
+        "| link | share of the misfit that it could take | p |",
+        "| --- | ---: | ---: |",
+        *(f"| {one.words} | {100.0 * one.share:.0f} % | {_p(one.p_family, least)} |" for one in links),
+        "",
+    ]
+
+
+def links_of(found: Diagnosis) -> tuple[Absorbed, ...]:
+    """Of data of which something is wrong."""
+    return found.account.links() if found.verdict in ("named", "confusable", "unexplained") else ()
 
 
 def _noise(found: Diagnosis) -> list[str]:

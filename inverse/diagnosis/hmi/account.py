@@ -1,6 +1,7 @@
 """What a report says of curves of displacement and of the simulation behind them."""
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 
 import jax.numpy as jnp
@@ -9,6 +10,7 @@ from jaxtyping import Float
 
 from inverse.diagnosis.hmi.features import Curve, mismatches
 from inverse.diagnosis.hmi.fitting import HmiFit
+from inverse.diagnosis.hmi.links import absorbed_by_links
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.where import Absorbed
 
@@ -62,6 +64,14 @@ class HmiAccount:
         size = float(np.sqrt(np.sum(best.residuals**2) / best.freedom) / np.median(self.problem.weights))
         sentences = mismatches(measured, simulated, others, size=size)
         return ["In percent of the coldest reading, and where:", "", *lines, "", *(f"- {one}" for one in sentences), ""]
+
+    def links(self) -> tuple[Absorbed, ...]:
+        """What a smooth correction in each link of the chain takes of the misfit, the most first."""
+        return self._links
+
+    @functools.cached_property
+    def _links(self) -> tuple[Absorbed, ...]:
+        return absorbed_by_links(self.null, self.problem.noise_family())
 
     def _simulated(self, fit: HmiFit) -> list[Curve]:
         return self._curves(self.problem.rows.log_displacement - fit.of_readings / self.problem.weights)

@@ -58,6 +58,7 @@ class HmiProgram:
         """
         self.causes, self.parameters = tuple(causes), parameters
         self.courses, self._stacked = tuple(courses), together(courses)
+        self._simulated, self._others = (curve, state, fine), dict[tuple[HmiCause, ...], HmiProgram]()
         self.start = np.asarray(parameters.start(state), dtype=float)
         scales = jnp.asarray([cause.plausible for cause in causes], dtype=float)
         count = len(self.causes)
@@ -95,6 +96,14 @@ class HmiProgram:
         other = copy.copy(self)
         other.courses, other._stacked = tuple(courses), together(courses)
         return other
+
+    def with_causes(self, causes: Sequence[HmiCause]) -> "HmiProgram":
+        """The same courses with other causes, compiled once for all programs that are this one `on` other courses."""
+        causes = tuple(causes)
+        if causes not in self._others:
+            curve, state, fine = self._simulated
+            self._others[causes] = HmiProgram(curve, self.courses, self.parameters, state, causes, fine)
+        return self._others[causes].on(self.courses)
 
     @property
     def n_rows(self) -> int:
