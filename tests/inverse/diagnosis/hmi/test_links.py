@@ -16,11 +16,6 @@ FOCUS, EDGE = "in the temperature of the focus, as read or as simulated", "in th
 ATTENUATION, LIVER = "in the attenuation of liver", "in the moduli of liver"
 LESION, DOSE = "in the moduli of the lesion", "in the dose that coagulates"
 FIELDS = {FOCUS: "", ATTENUATION: "attenuation", LIVER: "liver_modulus", LESION: "lesion_modulus", DOSE: "threshold"}
-    "in the lesion's edge",
-    "in the moduli of liver",
-    "in the moduli of the lesion",
-    "in the dose that coagulates",
-)
 
 
 class Wave(HmiCause):
