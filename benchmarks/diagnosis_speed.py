@@ -60,9 +60,10 @@ class Clock:
 
 
 def whole(**given) -> dict:
-    """A diagnosis as the command makes it."""
+    """A diagnosis as the command makes it, report and figures written; the last step has these."""
     clock, start = Clock(), time.perf_counter()
-    found = inverse.diagnose(**given, on_step=clock)
+    with tempfile.TemporaryDirectory() as folder:
+        found = inverse.diagnose(**given, out=Path(folder) / "out", on_step=clock)
     steps = clock.steps()
     return {"verdict": found.verdict, "seconds": round(time.perf_counter() - start, 1), "steps": steps}
 

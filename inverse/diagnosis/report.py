@@ -295,7 +295,8 @@ def _links(found: Diagnosis) -> list[str]:
     least = ALLOWANCE / (1 + REPLICATES)
     return [
         "Before any cause is put in, a correction of no name in one link of the model, smooth along temperature, could "
-        "take (p: that noise alone gives any of these as much):",
+        "take (p: that noise alone gives any of these as much). To take the most is no proof: links resemble "
+        "one another.",
         "",
         "| link | share of the misfit that it could take | p |",
         "| --- | ---: | ---: |",

@@ -297,7 +297,7 @@ def test_effects_far_above_the_noise_have_an_order_and_a_lead():
 
 
 def test_what_leaves_no_data_explains_nothing():
-    """Ten data, seven constants and a third cause that is in no list: two causes leave one datum, whatever that is."""
+    """Ten data and seven constants: two causes leave one datum, whatever that is."""
     count = 10
     x = np.linspace(0.0, 1.0, count)
     fitted = np.stack([np.cos(k * np.pi * x) for k in range(7)], axis=-1)

@@ -15,7 +15,7 @@ def test_where_the_p_value_is_a_float(freedom):
 
 @pytest.mark.parametrize("t", [1e80, 1e120])
 def test_four_degrees_of_freedom(t):
-    """The tail of $t_4$ is $12 / t^4$ times 1/4 of 4^(5/2) Gamma(5/2) / (sqrt(4 pi) Gamma(2)), far out."""
+    """Far out the density is C t^-5 with C = 4^(5/2) Gamma(5/2) / (sqrt(4 pi) Gamma(2)), and the tail C t^-4 / 4."""
     constant = 4.0**2.5 * special.gamma(2.5) / (np.sqrt(4.0 * np.pi) * special.gamma(2.0)) / 4.0
     assert log_p_of_t(np.array([t]), 4)[0] == pytest.approx(np.log(constant) - 4.0 * np.log(t), rel=1e-12)
 

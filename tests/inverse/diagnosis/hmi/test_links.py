@@ -69,7 +69,7 @@ def test_programs_of_other_causes_are_compiled_once(problem):
     ],
 )
 def test_what_is_hidden_in_a_link_is_taken_by_it(problem, cause, links_of_it, not_of_it):
-    """Other links may take as much of a smooth effect, but none that is felt elsewhere."""
+    """Two of which it is so. A smooth effect in the lesion's moduli is not told from one in the liver's (docs)."""
     hidden, _ = measured_with(problem, cause, 1.0, noise=0.003, seed=14)
     found = absorbed_by_links(fit_hmi(hidden, (), white(hidden), size=0.003), hidden.noise_family())
     share = {one.words: one.share for one in found}
