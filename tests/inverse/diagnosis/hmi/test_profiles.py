@@ -1,0 +1,128 @@
+"""Intervals by profile: their ends are where the likelihood has fallen, and they hold the twin of a strength."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from inverse.diagnosis import HMI_CAUSES
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.hmi.examination import Refits
+from inverse.diagnosis.hmi.fitting import moved_by
+from inverse.diagnosis.hmi.profile import profiled
+from inverse.diagnosis.hmi.refit import fit_hmi, fit_in_full
+from inverse.diagnosis.hmi.twin import spanning, twin_strength
+from tests.inverse.diagnosis.hmi.cases import (
+    fitted_with,
+    white,
+)
+
+DRIFT, POSITION, LAG = "output-drift", "thermocouple-position", "thermocouple-lag"
+
+
+def test_profile_of_what_hardly_bends_is_its_curvature(problem):
+    fit = fitted_with(problem, DRIFT, 2.0, 1e-4, seed=3)
+    by_profile = profiled(fit, white(fit.problem), 1e-4)
+    # The search for an end stops within 5 % of the bound.
+    half = (fit.intervals[0, 1] - fit.intervals[0, 0]) / 2.0
+    np.testing.assert_allclose(by_profile.intervals, fit.intervals, atol=0.06 * half)
+
+
+def test_at_the_ends_of_a_profile_the_likelihood_has_fallen_to_the_bound(problem):
+    noise = 0.01
+    fit = fitted_with(problem, POSITION, 0.6, noise, seed=4)
+    by_profile = profiled(fit, white(fit.problem), noise)
+    bound = fit.misfit / fit.freedom * stats.t.ppf(0.975, fit.freedom) ** 2
+    for end in by_profile.intervals[0]:
+        given = {"start": fit.unknowns, "strengths": np.array([end]), "held": (0,)}
+        held = fit_hmi(fit.problem, fit.extensions, white(fit.problem), size=noise, **given)
+        assert held.strengths[0] == pytest.approx(end, rel=1e-12)
+        # 5 % of the root are 10 % of its square. A strength that cannot be negative ends at 0, short of the bound.
+        risen = (held.misfit - fit.misfit) / bound
+        assert abs(risen - 1.0) < 0.11 if end > 0.0 else risen < 1.11
+    assert by_profile.intervals[0, 1] > fit.strengths[0] > by_profile.intervals[0, 0]
+
+
+def test_profile_of_what_is_not_there_begins_at_nothing(problem):
+    fit = fitted_with(problem, LAG, 0.0, 0.01, seed=5)
+    by_profile = profiled(fit, white(fit.problem), 0.01)
+    assert by_profile.intervals[0, 0] == 0.0 < by_profile.intervals[0, 1]
+    assert profiled(dataclasses.replace(fit, converged=False), white(fit.problem), 0.01).intervals is fit.intervals
+
+
+@pytest.mark.slow
+def test_ends_of_a_profile_are_those_of_the_full_simulation(problem):
+    """By the fast one, coarse here and corrected where the fit is, the bound is missed by 40 % at the lower end."""
+    noise, name = 0.005, "thermocouple-viscous-heating"
+    hidden = dataclasses.replace(problem, rows=fitted_with(problem, name, 0.8, noise, seed=4).problem.rows)
+    cause = next(cause for cause in HMI_CAUSES if cause.name == name)
+    extension, start = Extension(cause, cause.shapes[0]), problem.program.null()
+    fit = fit_in_full(hidden, (extension,), white(hidden), size=noise, start=start, strengths=np.array([2.0]))
+    fit = profiled(fit, white(hidden), noise)
+    bound = np.sqrt(fit.misfit / fit.freedom) * stats.t.ppf(0.975, fit.freedom)
+    for end in fit.intervals[0]:
+        held = fit
+        for _ in range(3):
+            near = hidden.corrected_at(held.unknowns, moved_by(hidden, held.extensions))
+            given = {"size": noise, "start": held.unknowns, "strengths": np.array([end]), "held": (0,)}
+            held = fit_hmi(near, (extension,), white(hidden), **given)
+        assert np.linalg.norm(near.left(held.unknowns)) < 0.1 * noise
+        # Simulations d apart have misfits 2 r d apart: for d of half a standard deviation and noise r of any direction
+        # about 1, in squared ones. Twice that takes the root, the bound of 2, to 1.4 or 2.4.
+        assert np.sqrt(max(held.misfit - fit.misfit, 0.0)) == pytest.approx(bound, rel=0.3)
+
+
+def test_profile_of_a_local_fit_leads_to_the_better_one(problem):
+    fit = fitted_with(problem, DRIFT, 2.0, 0.005, seed=3)
+    far = {"start": fit.unknowns, "strengths": 0.3 * fit.strengths, "held": (0,)}
+    local = fit_hmi(fit.problem, fit.extensions, white(fit.problem), size=0.005, **far)
+    assert local.converged and local.misfit > 1.5 * fit.misfit
+    local = dataclasses.replace(local, intervals=fit.intervals - fit.strengths + local.strengths)
+    found, best = (profiled(one, white(fit.problem), 0.005) for one in (local, fit))
+    assert best.remarks == () and "better fit" in found.remarks[0]
+    half = (best.intervals[0, 1] - best.intervals[0, 0]) / 2.0
+    # Fits end at a relative 1e-4 of a misfit of 60 variances, 0.08 standard deviations; half an interval has two.
+    np.testing.assert_allclose(found.strengths, best.strengths, atol=0.04 * half)
+    # Ends are met to 5 % each.
+    np.testing.assert_allclose(found.intervals, best.intervals, atol=(0.04 + 2.0 * 0.05) * half)
+
+
+def test_where_displacement_turns_the_interval_holds_both_temperatures(problem):
+    """Displacement of this tissue turns at 41 degC: the reading of 37 taken at 48 looks like one taken at 36."""
+    program, noise, rng = problem.program, 0.01, np.random.default_rng(0)
+    unknowns, cause = program.null(), next(c for c in HMI_CAUSES if c.name == "normalisation-temperature")
+    unknowns[program.constants] += 0.5 * program.spreads * rng.standard_normal(len(program.start))
+    unknowns[program.place(cause.name)] = 11.0 / cause.plausible
+    logarithm = program.predict(unknowns) + noise * rng.standard_normal(len(problem.rows))
+    hidden = dataclasses.replace(problem, rows=dataclasses.replace(problem.rows, log_displacement=logarithm))
+    null = fit_hmi(hidden, (), white(hidden), size=noise)
+    family, extension = hidden.noise_family(), Extension(cause, 0.0)
+    refits = Refits(null, family, size=noise, corrected=False)
+    near, both = (refits([extension], family[0], np.array([-1.0]), profile) for profile in (False, True))
+    # One fit finds the nearer twin, and an interval of its own without the other.
+    assert -3.0 < near.strengths[0] < 0.0 and profiled(near, family[0], noise).intervals[0, 1] < 2.0
+    assert both.intervals[0, 0] < near.strengths[0] and both.intervals[0, 1] > 11.0
+    assert both.intervals[0, 1] < 14.0 and "two strengths" in both.remarks[-1]
+
+
+def test_what_does_not_turn_back_has_no_twin(problem):
+    fit = fitted_with(problem, DRIFT, 2.0, 0.005, seed=3)
+    assert twin_strength(profiled(fit, white(fit.problem), 0.005), white(fit.problem), 0.005) is None
+
+
+def test_of_two_fits_the_better_one_counts_and_both_only_within_the_bound(problem):
+    fit = fitted_with(problem, DRIFT, 2.0, 0.005, seed=3)
+    variance = fit.misfit / fit.freedom
+    for above, spans in ((3.0, True), (6.0, False)):  # The bound is 2.0 standard deviations.
+        other = dataclasses.replace(
+            fit, misfit=fit.misfit + above * variance, strengths=-fit.strengths, intervals=-fit.intervals[:, ::-1]
+        )
+        for found in (spanning(fit, other), spanning(other, fit)):
+            assert found.strengths[0] == fit.strengths[0]
+            assert (found.intervals[0, 0] == other.intervals[0, 0]) == spans
+            assert found.intervals[0, 1] == fit.intervals[0, 1]
+        assert "fits better" in spanning(other, fit).remarks[0] and len(spanning(fit, other).remarks) == int(spans)
+        # An end of the other fit comes with what is to be said of it.
+        told = spanning(fit, dataclasses.replace(other, remarks=("its end was not met.",))).remarks
+        assert ("its end was not met." in told) == spans
