@@ -13,10 +13,7 @@ from inverse.diagnosis.hmi.fitting import moved_by
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import fit_hmi, fit_in_full
 from inverse.diagnosis.hmi.twin import spanning, twin_strength
-from tests.inverse.diagnosis.hmi.cases import (
-    fitted_with,
-    white,
-)
+from tests.inverse.diagnosis.hmi.cases import fitted_with, white
 
 DRIFT, POSITION, LAG = "output-drift", "thermocouple-position", "thermocouple-lag"
 
