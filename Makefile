@@ -66,6 +66,7 @@ operating-characteristic-hmi-linear: $(VENV)/.run  ## the same for displacement,
 
 operating-characteristic-hmi: $(VENV)/.run  ## the same on simulated data, two hours a round; goes on where it was stopped
 	$(BIN)/python -m benchmarks.diagnosis_hmi --out benchmarks/records/diagnosis_hmi.jsonl --docs docs --workers 2
+	$(BIN)/python -m benchmarks.diagnosis_intervals --workers 2
 
 calibration: $(VENV)/.run  ## docs/calibration.md, in three quarters of an hour; goes on where it was stopped
 	$(BIN)/python -m benchmarks.calibration --out results/benchmarks/calibration.json --docs docs
