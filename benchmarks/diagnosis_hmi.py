@@ -112,13 +112,13 @@ def _prepare(folder: Path) -> Bench:
     return Bench(described, prepared, program, fine, fine)
 
 
-def measured(bench: Bench, condition: Condition, seed: int) -> tuple[HmiData, dict]:
-    """One data set, and its key."""
+def measured(bench: Bench, condition: Condition, seed: int, *, strength: float | None = None) -> tuple[HmiData, dict]:
+    """One data set, and its key; of a strength, where it is known already."""
     with tempfile.TemporaryDirectory() as folder:
         data, key = Path(folder) / "data.csv", Path(folder) / "key.json"
         blind.write(
             data, key, fine=bench.fine, ruler=bench.ruler, seed=seed, name=condition.name,
-            d_prime=condition.d_prime, noise=condition.noise, size=condition.size,
+            d_prime=condition.d_prime, noise=condition.noise, size=condition.size, strength=strength,
         )  # fmt: skip
         return read_hmi(data), json.loads(key.read_text())
 

@@ -16,7 +16,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import argparse
 import json
 import platform
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -25,18 +24,16 @@ import numpy as np
 from scipy import stats
 
 import arfjax as ax
-from benchmarks.diagnosis_hmi import TRUE_SHAPES, prepared_bench
+from benchmarks.diagnosis_hmi import TRUE_SHAPES, Condition, measured, prepared_bench
 from benchmarks.spread import spread
-from inverse.datasets.hmi import read_hmi
-from inverse.datasets.shipped import shipped
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.prepare import hmi_problem_of
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import fit_in_full
+from inverse.diagnosis.regression import INTERVAL_LEVEL
 from inverse.inference.experiment import inference_settings
-from tests.blind import hmi_generator as blind
 
 RECORD = Path("benchmarks/records/diagnosis_hmi.jsonl")
 _NOISELESS = 1e-9
@@ -67,20 +64,15 @@ def one_set(line: dict[str, Any]) -> dict[str, Any]:
 
 def _without_noise(line: dict[str, Any]) -> HmiDiagnosisProblem:
     bench = prepared_bench()
-    settings = inference_settings(bench.described, str(shipped("suomi2016_experiment")))
-    with tempfile.TemporaryDirectory() as folder:
-        data, key = Path(folder) / "data.csv", Path(folder) / "key.json"
-        blind.write(
-            data, key, fine=bench.fine, ruler=bench.ruler, seed=line["seed"], name=line["name"],
-            strength=line["strength"], size=_NOISELESS,
-        )  # fmt: skip
-        read = read_hmi(data)
-    return hmi_problem_of(bench.prepared, read, bench.described, settings, HMI_CAUSES, program=bench.program)
+    condition = Condition(line["part"], line["name"], line["d_prime"], size=_NOISELESS)
+    data, _ = measured(bench, condition, line["seed"], strength=line["strength"])
+    settings = inference_settings(bench.described, "suomi2016_experiment")
+    return hmi_problem_of(bench.prepared, data, bench.described, settings, HMI_CAUSES, program=bench.program)
 
 
 def _standard_error(fit: HmiFit, size: float) -> float:
     """Of the strength in noise of a size, from the interval that the fit has by its own residuals."""
-    variance, reach = fit.misfit / fit.freedom, stats.t.ppf(0.975, fit.freedom)
+    variance, reach = fit.misfit / fit.freedom, stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, fit.freedom)
     return float((fit.intervals[0, 1] - fit.strengths[0]) / reach * size / np.sqrt(variance))
 
 

@@ -6,20 +6,10 @@ from benchmarks import diagnosis_intervals
 from tests.blind import hmi_generator as blind
 
 
-def _line(name: str, seed: int, strength: float, estimate: float, interval: list[float]) -> dict:
-    covered = interval[0] <= strength <= interval[1]
-    return {
-        "part": "known", "name": name, "seed": seed, "d_prime": 4.5, "size": blind.NOISE, "strength": strength,
-        "estimate": estimate, "interval": interval, "covered": covered,
-    }  # fmt: skip
-
-
 def test_errors_are_summed_up_by_cause_and_fits_that_failed_are_left_out():
-    errors = [("perfusion", 0.2, -1.0), ("perfusion", -0.6, -2.0), ("damage-law", None, 1.5)]
-    found = [
-        _line(name, 1, 1.0, 1.0, [0.0, 0.5 + 1.0 * (quiet is None)]) | {"without noise": quiet, "in the record": loud}
-        for name, quiet, loud in errors
-    ]
+    errors = [("perfusion", 0.2, -1.0, True), ("perfusion", -0.6, -2.0, False), ("damage-law", None, 1.5, False)]
+    keys = ("name", "without noise", "in the record", "covered")
+    found = [dict(zip(keys, values, strict=True)) for values in errors]
     summary = diagnosis_intervals.summed_up(found)
     assert summary["perfusion"]["without noise"] == {"mean": pytest.approx(-0.2), "largest": -0.6}
     assert "without noise" not in summary["damage-law"]
@@ -30,8 +20,11 @@ def test_errors_are_summed_up_by_cause_and_fits_that_failed_are_left_out():
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_without_noise_the_mesh_moves_a_strength_by_less_than_noise_does():
-    """Both meshes differ by less than d' of 2 in this tissue, of which a strength that is no heat takes a part."""
-    hidden, off = 0.15, 0.19
-    found = diagnosis_intervals.one_set(_line("output-drift", 1, hidden, off, [0.11, 0.27]))
+    """Noise moves it by one standard error; of a drift of the output, which heat has no part in."""
+    line = {
+        "part": "known", "name": "output-drift", "seed": 1, "d_prime": 4.5, "size": blind.NOISE, "strength": 0.15,
+        "estimate": 0.19, "interval": [0.11, 0.27], "covered": True,
+    }  # fmt: skip
+    found = diagnosis_intervals.one_set(line)
     assert abs(found["without noise"]) < 1.0
-    assert found["in the record"] == pytest.approx((off - hidden) / 0.04)
+    assert found["in the record"] == pytest.approx(1.0)
