@@ -72,8 +72,8 @@ def _without_noise(line: dict[str, Any]) -> HmiDiagnosisProblem:
 
 def _standard_error(fit: HmiFit, size: float) -> float:
     """Of the strength in noise of a size, from the interval that the fit has by its own residuals."""
-    variance, reach = fit.misfit / fit.freedom, stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, fit.freedom)
-    return float((fit.intervals[0, 1] - fit.strengths[0]) / reach * size / np.sqrt(variance))
+    reach = stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, fit.freedom)
+    return float((fit.intervals[0, 1] - fit.strengths[0]) / reach * size / np.sqrt(fit.variance))
 
 
 def summed_up(found: list[dict[str, Any]]) -> dict[str, Any]:

@@ -59,6 +59,7 @@ class Noise:
         step: Ratio of the deviations on both sides of the step; 1 without.
         place: Value of the coordinate at the step; NaN without.
         unit: Of the coordinate.
+        beliefs: How many data at the end are what is believed of fitted constants: their size says nothing of noise.
     """
 
     correlation: float
@@ -68,6 +69,7 @@ class Noise:
     step: float
     place: float
     unit: str = ""
+    beliefs: int = 0
 
     def whiten(self, data: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
         """Data in coordinates in which this noise is white and of size one."""
@@ -107,12 +109,14 @@ class Noise:
             self,
             ordering=dataclasses.replace(self.ordering, previous=previous),
             log_deviation=np.append(self.log_deviation, np.zeros(count)),
+            beliefs=self.beliefs + count,
         )
 
     def of_first(self, count: int) -> "Noise":
         """Of so many data at the beginning, which none of the others comes before."""
         ordering = dataclasses.replace(self.ordering, previous=self.ordering.previous[:count])
-        return dataclasses.replace(self, ordering=ordering, log_deviation=self.log_deviation[:count])
+        beliefs = max(self.beliefs - (len(self.log_deviation) - count), 0)
+        return dataclasses.replace(self, ordering=ordering, log_deviation=self.log_deviation[:count], beliefs=beliefs)
 
     @property
     def log_determinant(self) -> float:

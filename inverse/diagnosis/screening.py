@@ -26,6 +26,7 @@ from jaxtyping import Float, Int
 
 from arfjax import InputError
 from inverse.diagnosis.noise import LOG_PRIOR_OF_CORRELATION, Noise
+from inverse.diagnosis.replicates import drawn_anew
 from inverse.diagnosis.tails import log_p_of_one_variance, log_p_of_t
 
 SIGNALS = (3.0, 6.0, 12.0)
@@ -34,7 +35,6 @@ _VISIBLE = 1e-2
 """Part of a process's direction that the fitted parameters and its coarser directions must leave for it to count."""
 LEAST_FREEDOM = 2
 """Data beyond what is fitted without which no strength and its error can be told."""
-_HIGHEST_LEVERAGE = 0.95
 _FLOOR, _HIGHEST_EXPONENT = 1e-300, 200.0
 
 
@@ -224,9 +224,7 @@ class Screen:
         count: int,
         rng: np.random.Generator,
     ) -> Float[np.ndarray, "n count"]:
-        """Data as they would be if only noise were there: the residuals themselves, made white and drawn anew.
-
-        Heavy tails stay what they are; drawn values change places and signs, so that no effect survives.
+        """Data as they would be if only noise were there; see `drawn_anew`.
 
         Args:
             residuals: Of the fit.
@@ -236,15 +234,12 @@ class Screen:
         """
         # Rounded in sum, not drawn: a single kind of noise takes nothing from the generator that it would not alone.
         shares = np.diff(np.round(count * np.cumsum([0.0, *weights])).astype(int))
-        drawn = [self._drawn_anew(residuals, member, n, rng) for member, n in enumerate(shares.tolist()) if n]
+        drawn = [
+            drawn_anew(prepared.noise, prepared.fitted, residuals, n, rng)
+            for prepared, n in zip(self._prepared, shares.tolist(), strict=True)
+            if n
+        ]
         return np.concatenate(drawn, axis=1)
-
-    def _drawn_anew(self, residuals, member: int, count: int, rng: np.random.Generator) -> Float[np.ndarray, "n count"]:
-        prepared = self._prepared[member]
-        white = project_out(prepared.noise.whiten(residuals[:, None]), prepared.fitted)[:, 0]
-        leverage = np.minimum(np.sum(prepared.fitted**2, axis=1), _HIGHEST_LEVERAGE)
-        white = white / np.sqrt(1.0 - leverage)
-        return prepared.noise.colour(rng.choice(np.concatenate([white, -white]), (len(white), count)))
 
     def projected(self, noise: int = 0) -> Float[np.ndarray, "n single"]:
         """Unit directions of the single alternatives, fitted parameters projected out, in white coordinates."""

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from inverse.diagnosis.hmi.examination import noise_size
 from inverse.diagnosis.hmi.features import Curve, mismatches
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.links import absorbed_by_links
@@ -61,7 +62,7 @@ class HmiAccount:
         for number, label in enumerate(rows.labels):
             lines += [f"| {label} | {kind} | {curves[number].cells()} |" for kind, curves in kinds.items()]
         best = min((self.null, *with_causes.values()), key=lambda fit: fit.misfit)
-        size = float(np.sqrt(np.sum(best.residuals**2) / best.freedom) / np.median(self.problem.weights))
+        size = noise_size(best) / float(np.median(self.problem.weights))
         sentences = mismatches(measured, simulated, others, size=size)
         return ["In percent of the coldest reading, and where:", "", *lines, "", *(f"- {one}" for one in sentences), ""]
 

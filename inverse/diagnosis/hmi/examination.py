@@ -244,6 +244,5 @@ def _in_its_noise(null: HmiFit, family: Sequence[Noise], size: float) -> tuple[H
 
 
 def noise_size(fit: HmiFit) -> float:
-    """Standard deviation of a fit's residuals, in units of the weights."""
-    residuals: Float[np.ndarray, " row"] = fit.residuals
-    return float(np.sqrt(np.sum(residuals**2) / fit.freedom))
+    """Standard deviation of a fit's residuals, by readings alone, in units of the weights."""
+    return float(np.sqrt(np.sum(fit.of_readings**2) / fit.freedom))

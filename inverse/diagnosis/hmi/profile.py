@@ -67,7 +67,7 @@ def _with_remarks(fit: HmiFit, *remarks: str) -> HmiFit:
 
 
 def _is_better(trial: HmiFit | None, fit: HmiFit) -> bool:
-    return trial is not None and fit.misfit - trial.misfit > _WORTH_A_FIT * fit.misfit / fit.freedom
+    return trial is not None and fit.misfit - trial.misfit > _WORTH_A_FIT * fit.variance
 
 
 def _ends(fit: HmiFit, noise: Noise, size: float) -> tuple[HmiFit, HmiFit | None]:
@@ -110,7 +110,7 @@ class _End:
         self.best = float(fit.strengths[which])
         self.near = float(fit.intervals[which, int(direction > 0)])
         reach = float(stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, fit.freedom))
-        self.bound = math.sqrt(fit.misfit / fit.freedom) * reach
+        self.bound = math.sqrt(fit.variance) * reach
         self.limit = self._limit()
         self.start = fit.unknowns
         self.tried: list[HmiFit] = []

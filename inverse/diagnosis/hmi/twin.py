@@ -56,7 +56,7 @@ def twin_strength(fit: HmiFit, noise: Noise, size: float) -> float | None:
     beside = (strengths < lower) | (strengths > upper)
     # One of the ends may be a turn, too: the flank of a twin farther out, which the fit then finds.
     turns = (found < around[:-2]) & (found < around[2:])
-    near = found - own < _CLEARLY_WORSE**2 * own / fit.freedom
+    near = found - own < _CLEARLY_WORSE**2 * own * fit.variance / fit.misfit
     places = np.flatnonzero(beside & turns & near)
     return float(strengths[places[np.argmin(found[places])]]) * cause.plausible if len(places) else None
 
@@ -71,9 +71,9 @@ def spanning(fit: HmiFit, twin: HmiFit) -> HmiFit:
         fit: `profiled`.
         twin: `profiled`, of another strength.
     """
-    is_better = fit.misfit - twin.misfit > _WORTH_SAYING * fit.misfit / fit.freedom
+    is_better = fit.misfit - twin.misfit > _WORTH_SAYING * fit.variance
     better, worse = (twin, fit) if is_better else (fit, twin)
-    risen = math.sqrt(max(worse.misfit - better.misfit, 0.0) * better.freedom / better.misfit)
+    risen = math.sqrt(max(worse.misfit - better.misfit, 0.0) / better.variance)
     remarks = better.remarks
     if is_better:
         remarks += ("another strength fits better: the strength is of that one, p-values are not.",)

@@ -196,6 +196,28 @@ def test_replicates_are_of_each_kind_in_its_share():
     assert mixed.shape == (N, 400) and alike.shape == (N, 100) and ratio == pytest.approx(FULL[loudest].step, rel=0.08)
 
 
+@pytest.mark.parametrize("wide", [0.3, 2.0])
+def test_replicates_of_beliefs_are_as_wide_as_they_came_out(wide):
+    """Whatever their width, readings are drawn as they would be without them."""
+    rng, beliefs, count = np.random.default_rng(10), 9, 400
+    member = next(n for n in FULL if n.correlation == 0.4 and n.step == 1.0)
+    # Of nine constants six are known by readings, three by belief alone.
+    seen = np.append(rng.standard_normal((N, 6)), np.zeros((N, 3)), axis=1)
+    fitted = np.append(10.0 * seen, np.eye(beliefs), axis=0)
+    together, alone = ([one] for one in (member.extended(beliefs), member))
+    of_readings, of_beliefs = [], []
+    for _ in range(50):
+        data = np.append(member.colour(rng.standard_normal((N, 1)))[:, 0], wide * rng.standard_normal(beliefs))
+        screen = Screen(fitted, [Alternative("one", np.append(CAUSE, np.zeros((beliefs, 1)), axis=0))], together)
+        drawn = screen.replicate(data, np.ones(1), count, rng)
+        of_readings.append(np.mean(member.whiten(drawn[:N]) ** 2))
+        of_beliefs.append(np.mean(drawn[N:] ** 2))
+    # Six constants tell 1 / sqrt(3) of a variance, in 50 sets 8 percent; one in seven counts as a reading.
+    assert np.mean(of_beliefs) == pytest.approx((6.0 * wide**2 + 1.0) / 7.0, rel=0.25)
+    assert np.mean(of_readings) == pytest.approx(1.0, rel=0.1)
+    assert alone[0].beliefs == 0 == together[0].of_first(N).beliefs and together[0].of_first(N + 2).beliefs == 2
+
+
 def test_visibility():
     np.testing.assert_allclose(visibility(FITTED[:, :1] + FITTED[:, 2:3], FITTED), 0.0, atol=1e-12)
     orthogonal = CAUSE - independent(FITTED) @ (independent(FITTED).T @ CAUSE)

@@ -96,7 +96,8 @@ def test_screening_looks_along_the_way_to_the_fit_with_the_cause(problem, name, 
     start = {"start": best.unknowns, "strengths": np.array([best.strength])}
     fit = fit_hmi(hidden, (Extension(cause, best.shape),), white(hidden), size=0.005, **start)
     effect, way = found.statistic[:, 0]
-    gained, roughly = (np.sqrt((null.misfit - one.misfit) * fit.freedom / one.misfit) for one in (fit, best))
+    freedom = len(fit.residuals) - fit.directions.shape[1]
+    gained, roughly = (np.sqrt((null.misfit - one.misfit) * freedom / one.misfit) for one in (fit, best))
     # A straight way comes at least as near to the data as where it leads: it is nearest to them somewhere on it.
     assert effect < gained and way > roughly
     # A tenth less of the gain is a twentieth of t: no more than a fifth of t's standard error where t is 4.5. (A lag of
@@ -139,7 +140,7 @@ def test_refit_of_a_bad_first_guess_begins_where_the_rough_fit_is(problem):
         [Extension(cause, best.shape)], noise, np.array([1e-3]), False
     )
     assert lost.converged and lost.strengths[0] < 0.0
-    assert found.converged and lost.misfit - found.misfit > 9.0 * found.misfit / found.freedom
+    assert found.converged and lost.misfit - found.misfit > 9.0 * found.variance
     assert found.intervals[0, 0] < 0.3 * cause.plausible < found.intervals[0, 1]
 
 
@@ -156,9 +157,7 @@ def test_way_of_a_cause_that_gains_is_asked_of_the_full_simulation(problem):
     believed = hidden.program.penalties(best.unknowns) - hidden.program.penalties(null.unknowns)
     np.testing.assert_allclose(way[len(hidden.rows) :], 0.005 * believed, atol=1e-12)
     # Where neither of the two sees anything it is not worth the time.
-    blind = dataclasses.replace(
-        begun, misfit=best.misfit * (1.0 + 1.9**2 / begun.freedom), residuals=0.0 * begun.residuals
-    )
+    blind = dataclasses.replace(begun, misfit=best.misfit + 1.9**2 * begun.variance, residuals=0.0 * begun.residuals)
     assert all(a is b for a, b in zip(rough, in_full(rough, blind, blind, family, 0.005), strict=True))
 
 

@@ -8,12 +8,12 @@ from scipy import stats
 
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
-from inverse.diagnosis.hmi.examination import Refits
+from inverse.diagnosis.hmi.examination import Refits, noise_size
 from inverse.diagnosis.hmi.fitting import moved_by
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import fit_hmi, fit_in_full
 from inverse.diagnosis.hmi.twin import spanning, twin_strength
-from tests.inverse.diagnosis.hmi.cases import fitted_with, white
+from tests.inverse.diagnosis.hmi.cases import fitted_with, measured_with, white
 
 DRIFT, POSITION, LAG = "output-drift", "thermocouple-position", "thermocouple-lag"
 
@@ -30,7 +30,7 @@ def test_at_the_ends_of_a_profile_the_likelihood_has_fallen_to_the_bound(problem
     noise = 0.01
     fit = fitted_with(problem, POSITION, 0.6, noise, seed=4)
     by_profile = profiled(fit, white(fit.problem), noise)
-    bound = fit.misfit / fit.freedom * stats.t.ppf(0.975, fit.freedom) ** 2
+    bound = fit.variance * stats.t.ppf(0.975, fit.freedom) ** 2
     for end in by_profile.intervals[0]:
         given = {"start": fit.unknowns, "strengths": np.array([end]), "held": (0,)}
         held = fit_hmi(fit.problem, fit.extensions, white(fit.problem), size=noise, **given)
@@ -48,6 +48,23 @@ def test_profile_of_what_is_not_there_begins_at_nothing(problem):
     assert profiled(dataclasses.replace(fit, converged=False), white(fit.problem), 0.01).intervals is fit.intervals
 
 
+def test_size_of_noise_is_that_of_readings_wherever_constants_are(problem):
+    """Constants in the middle of what is believed, which counted as data made the noise look too small."""
+    noise, readings, fits = 0.01, len(problem.rows), []
+    for seed in range(12):
+        hidden, _ = measured_with(problem, "", 0.0, noise=noise, seed=seed, spread=0.0)
+        fits.append(fit_hmi(hidden, (), white(hidden), size=noise))
+    freedom = np.array([fit.freedom for fit in fits])
+    factors, constants = problem.factors.shape[1], len(problem.program.start)
+    assert np.all((freedom > readings - factors - constants) & (freedom < readings - factors))
+    # A variance of so many degrees of freedom is known to 8 percent.
+    error = np.sqrt(2.0 / np.sum(freedom))
+    found = np.sum([fit.variance * fit.freedom for fit in fits]) / np.sum(freedom)
+    assert abs(found / noise**2 - 1.0) < 3.0 * error
+    as_data = np.sum([fit.misfit for fit in fits]) / (len(fits) * (readings - factors))
+    assert as_data / noise**2 < 1.0 and noise_size(fits[0]) == pytest.approx(np.sqrt(fits[0].variance), rel=1e-6)
+
+
 @pytest.mark.slow
 def test_ends_of_a_profile_are_those_of_the_full_simulation(problem):
     """By the fast one, coarse here and corrected where the fit is, the bound is missed by 40 % at the lower end."""
@@ -57,7 +74,7 @@ def test_ends_of_a_profile_are_those_of_the_full_simulation(problem):
     extension, start = Extension(cause, cause.shapes[0]), problem.program.null()
     fit = fit_in_full(hidden, (extension,), white(hidden), size=noise, start=start, strengths=np.array([2.0]))
     fit = profiled(fit, white(hidden), noise)
-    bound = np.sqrt(fit.misfit / fit.freedom) * stats.t.ppf(0.975, fit.freedom)
+    bound = np.sqrt(fit.variance) * stats.t.ppf(0.975, fit.freedom)
     for end in fit.intervals[0]:
         held = fit
         for _ in range(3):
@@ -110,7 +127,7 @@ def test_what_does_not_turn_back_has_no_twin(problem):
 
 def test_of_two_fits_the_better_one_counts_and_both_only_within_the_bound(problem):
     fit = fitted_with(problem, DRIFT, 2.0, 0.005, seed=3)
-    variance = fit.misfit / fit.freedom
+    variance = fit.variance
     for above, spans in ((3.0, True), (6.0, False)):  # The bound is 2.0 standard deviations.
         other = dataclasses.replace(
             fit, misfit=fit.misfit + above * variance, strengths=-fit.strengths, intervals=-fit.intervals[:, ::-1]

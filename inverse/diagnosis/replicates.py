@@ -1,0 +1,44 @@
+"""Data as they would be if only noise were there: residuals made white, drawn anew, and coloured again.
+
+Heavy tails stay what they are; drawn values change places and signs, so that no effect survives. What is believed of
+constants is drawn from a normal distribution as wide as what came out: constants are seldom as far from their middle as
+beliefs allow, and taken for readings they made noise look too small. (Linear curves, 150 sets of noise correlated by
+0.3, constants drawn with 0.6 of the deviation that is believed: p-values below 0.2 in 26.7 of 100, as readings and
+beliefs are drawn apart in 20.7; with all of the deviation in 14.0 and 13.3.)
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from inverse.diagnosis.noise import Noise
+
+_HIGHEST_LEVERAGE = 0.95
+
+
+def drawn_anew(
+    noise: Noise,
+    fitted: Float[np.ndarray, "n p"],
+    residuals: Float[np.ndarray, " n"],
+    count: int,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, "n count"]:
+    """Replicates in noise of one kind.
+
+    Args:
+        noise: Its kind.
+        fitted: Orthonormal basis of what was fitted, in coordinates in which the noise is white.
+        residuals: Of the fit.
+        count: How many.
+        rng: For the draws.
+    """
+    white = noise.whiten(residuals[:, None])[:, 0]
+    white = white - fitted @ (fitted.T @ white)
+    kept, readings = 1.0 - np.sum(fitted**2, axis=1), len(white) - noise.beliefs
+    values = white[:readings] / np.sqrt(np.maximum(kept[:readings], 1.0 - _HIGHEST_LEVERAGE))
+    drawn = rng.choice(np.concatenate([values, -values]), (readings, count))
+    if noise.beliefs:
+        # One more of the readings' size: a width for constants that are hardly known but by belief.
+        squares = np.sum(white[readings:] ** 2) + np.mean(values**2)
+        width = np.sqrt(squares / (np.sum(kept[readings:]) + 1.0))
+        drawn = np.append(drawn, width * rng.standard_normal((noise.beliefs, count)), axis=0)
+    return noise.colour(drawn)
