@@ -4,7 +4,7 @@ Heavy tails stay what they are; drawn values change places and signs, so that no
 constants is drawn from a normal distribution as wide as what came out: constants are seldom as far from their middle as
 beliefs allow, and taken for readings they made the noise look too small. (Linear curves, 300 sets of noise correlated
 by 0.3, constants drawn with 0.6 of the deviation that is believed: p-values below 0.2 in 25.7 of 100, and in 21.0 where
-beliefs are drawn apart; with all of the deviation in 16.3 and 14.7.)
+beliefs are drawn apart; with all of the deviation in 16.3 and 14.7, +- 2.)
 """
 
 import numpy as np
