@@ -17,6 +17,7 @@ from inverse.diagnosis import DMA_CAUSES, DmaCause, dma_diagnosis
 from inverse.diagnosis.report import as_json, pairs_in_question, report
 from inverse.figures.residuals import residuals_figure
 from tests.blind import dma_generator as blind
+from tests.inverse.diagnosis_keys import KEYS, SCHEMA_VERSION
 
 
 class Backlash(DmaCause):
@@ -44,6 +45,7 @@ def test_returns_what_it_writes(file, tmp_path):
     assert found.content["verdict"] == found.verdict != "adequate"
     assert found.content["named"] == list(found.named) and found.content["seed"] == 3
     assert "data.csv" in (tmp_path / "out" / "report.md").read_text()
+    assert set(found.content) == set(KEYS) and found.content["schema_version"] == SCHEMA_VERSION
     assert {path.suffix for path in (tmp_path / "out").iterdir()} == {".json", ".md", ".png", ".pdf"}
 
 
