@@ -31,6 +31,7 @@ REPORTING = (
     "inverse/diagnosis/report.py",
     "inverse/diagnosis/where.py",
     "inverse/diagnosis/hmi/gain.py",
+    "inverse/diagnosis/hmi/links.py",
 )
 """Files that tell what was decided, and decide nothing: no record depends on them."""
 

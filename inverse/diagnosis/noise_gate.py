@@ -32,7 +32,8 @@ class NoiseGate:
     Attributes:
         kind: The likeliest member of the family, in words.
         p_white: That white noise of one size looks as unlike it.
-        size: Standard deviation of the residuals, in units of the stated ones, or relative where none are stated [1].
+        size: Standard deviation of the residuals, in units of the stated ones, or relative where none are stated [1];
+            of readings alone, where what is believed of constants is among the data.
         p_size: That noise of the stated size leaves residuals as large; NaN where no deviations are stated.
         excess_kurtosis: Of the whitened residuals; 0 for Gaussian noise.
         p_tails: That Gaussian noise has as heavy tails.
@@ -92,24 +93,24 @@ def noise_gate(
     """
     white = rng.standard_normal((len(residuals), replicates))
     gain, member, left = screen.noise_evidence(np.concatenate([residuals[:, None], white], axis=1))
-    kurtosis = stats.kurtosis(left, axis=0)
-    plain = screen.left_of(residuals)
-    size = float(np.sqrt(np.sum(plain**2) / screen.freedom))
+    readings = len(residuals) - screen.family[0].beliefs
+    kurtosis = stats.kurtosis(left[:readings], axis=0)
+    size, freedom = screen.size_of_readings(residuals)
     again = Repeats(np.nan, 0) if repeats is None else repeats
     return NoiseGate(
         kind=screen.family[member[0]].describe(),
         p_white=_upper(gain),
         size=size,
-        p_size=float(stats.chi2.sf(size**2 * screen.freedom, screen.freedom)) if stated else np.nan,
+        p_size=float(stats.chi2.sf(size**2 * freedom, freedom)) if stated else np.nan,
         excess_kurtosis=float(kurtosis[0]),
         p_tails=_upper(kurtosis),
         repeats=again.scatter,
         repeats_freedom=again.freedom,
-        p_repeats=_lack_of_fit(size, screen.freedom, again),
+        p_repeats=_lack_of_fit(size, freedom, again),
     )
 
 
-def _lack_of_fit(size: float, freedom: int, repeats: Repeats) -> float:
+def _lack_of_fit(size: float, freedom: float, repeats: Repeats) -> float:
     """p-value of F: what residuals have beyond the scatter of repeats, over that."""
     rest = freedom - repeats.freedom
     if repeats.freedom == 0 or rest <= 0 or repeats.scatter == 0.0:  # the same reading twice is no repeat

@@ -213,9 +213,12 @@ class Screen:
         weights = np.exp(np.array(found) - max(found))
         return weights / np.sum(weights)
 
-    def left_of(self, residuals: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Residuals without what the fitted parameters could take, all weighing the same."""
-        return project_out(residuals[:, None], self._fitted)[:, 0]
+    def size_of_readings(self, residuals: Float[np.ndarray, " n"]) -> tuple[float, float]:
+        """Standard deviation of readings, all weighing the same, and how many are to spare; beliefs are no readings."""
+        readings = len(residuals) - self.family[0].beliefs
+        left = project_out(residuals[:, None], self._fitted)[:readings]
+        freedom = max(readings - float(np.sum(self._fitted[:readings] ** 2)), 1.0)
+        return float(np.sqrt(np.sum(left**2) / freedom)), freedom
 
     def replicate(
         self,

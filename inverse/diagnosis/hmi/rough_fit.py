@@ -107,7 +107,8 @@ def in_full(
         size: Of the noise, in units of the weights: what the priors count against.
     """
     problem, program = null.problem, null.problem.program
-    least = begun.misfit - _WORTH_ASKING**2 * begun.variance
+    # As a share: of few readings to spare no cause could take four times what each of them holds.
+    least = begun.misfit / (1.0 + _WORTH_ASKING**2 / begun.freedom)
     gaining = sorted((fit for fit in best_of_each(fits).values() if fit.misfit < least), key=lambda fit: fit.misfit)
     in_turn = itertools.chain.from_iterable(itertools.zip_longest(gaining, _seen_best(fits, null, family)))
     asked = list({id(fit): fit for fit in in_turn if fit is not None}.values())[:_MOST_IN_FULL]

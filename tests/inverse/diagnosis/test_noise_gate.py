@@ -54,3 +54,17 @@ def test_the_likeliest_kind_is_called_the_noise_only_where_white_noise_is_improb
     assert white.as_thought and white.describe() == "nothing says that the noise is not white and of one size"
     loud = gate_of(rng.standard_normal(len(AT)) * np.where(AT > 0.5, 4.0, 1.0))
     assert not loud.as_thought and loud.describe().startswith("the noise is") and "Hz" in loud.describe()
+
+
+@pytest.mark.parametrize("wide", [0.2, 1.0, 2.0])
+def test_size_of_the_noise_is_that_of_readings_however_far_constants_are_from_what_is_believed(wide):
+    rng = np.random.default_rng(7)
+    # Of the line's constants the data tell all but a millionth, so that beliefs take and give nothing.
+    fitted, family = np.append(1e3 * LINE, np.eye(2), axis=0), tuple(member.extended(2) for member in FAMILY)
+    data = rng.standard_normal(len(AT))
+    left = data - LINE @ np.linalg.lstsq(LINE, data)[0]
+    gate = noise_gate(Screen(fitted, (), family), np.append(left, wide * rng.standard_normal(2)), rng, stated=True)
+    assert gate.size == pytest.approx(np.sqrt(np.sum(left**2) / (len(AT) - 2)), rel=1e-5)
+    assert gate.p_size == pytest.approx(stats.chi2.sf(np.sum(left**2), len(AT) - 2), rel=1e-4)
+    assert gate.kind == FAMILY[0].describe()
+    assert gate.excess_kurtosis == pytest.approx(stats.kurtosis(left), rel=1e-3)

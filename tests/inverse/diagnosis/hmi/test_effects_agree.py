@@ -17,7 +17,8 @@ from inverse.diagnosis.examination import DETECTABLE
 from inverse.diagnosis.hmi.prepare import hmi_problem_of
 from inverse.inference.experiment import inference_settings
 from inverse.inference.problem import State
-from tests.blind import hmi_generator as blind
+from tests.blind.hmi_generator import NOISE
+from tests.blind.hmi_simulator import FINAL, groups, readings
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
 
@@ -64,8 +65,8 @@ def left_of(effect, imitated):
 
 
 def problem_at(bench, time):
-    shown = np.concatenate([blind._readings(final) for final in blind.FINAL])
-    labels = tuple(str(group) for group in blind._groups())
+    shown = np.concatenate([readings(final) for final in FINAL])
+    labels = tuple(str(group) for group in groups())
     data = HmiData(Path("simulated"), labels, shown, time, np.full(len(shown), 100.0), True, None, ())
     settings = inference_settings(bench.described, "suomi2016_experiment")
     return hmi_problem_of(bench.prepared, data, bench.described, settings, HMI_CAUSES, program=bench.program)
@@ -111,7 +112,7 @@ def test_effect_is_what_the_diagnosis_looks_for(bench, imitated, name):
     unknowns[count + place] = TRUE_SHAPES.get(name, program.causes[place].shapes[0])
     full = left_of(program.simulate(unknowns) - program.simulate(without), imitated)
     fast = left_of(program.predict(unknowns) - program.predict(without), imitated)
-    length, off, fast_off = (float(np.linalg.norm(one)) / blind.NOISE for one in (hidden, full - hidden, fast - hidden))
+    length, off, fast_off = (float(np.linalg.norm(one)) / NOISE for one in (hidden, full - hidden, fast - hidden))
     said = f"{name}: d' {length:.2f}; off by {off:.2f} in full, {fast_off:.2f} by the fast simulation"
     assert off <= FULL and fast_off <= FAST, said
     # An effect that is missing altogether would be off by its whole length.

@@ -157,7 +157,8 @@ def test_way_of_a_cause_that_gains_is_asked_of_the_full_simulation(problem):
     believed = hidden.program.penalties(best.unknowns) - hidden.program.penalties(null.unknowns)
     np.testing.assert_allclose(way[len(hidden.rows) :], 0.005 * believed, atol=1e-12)
     # Where neither of the two sees anything it is not worth the time.
-    blind = dataclasses.replace(begun, misfit=best.misfit + 1.9**2 * begun.variance, residuals=0.0 * begun.residuals)
+    hardly = best.misfit * (1.0 + 1.9**2 / begun.freedom)
+    blind = dataclasses.replace(begun, misfit=hardly, residuals=0.0 * begun.residuals)
     assert all(a is b for a, b in zip(rough, in_full(rough, blind, blind, family, 0.005), strict=True))
 
 
