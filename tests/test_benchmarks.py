@@ -289,6 +289,19 @@ def test_effects_hidden_with_either_sign_are_looked_for_with_either():
     assert set(diagnosis_hmi.blind.BOTH_WAYS) <= either
 
 
+def test_constants_near_their_middle_change_what_is_believed_of_them_and_no_reading():
+    near, believed = (
+        diagnosis_hmi_fast._drawn(
+            linear_design(), diagnosis_hmi.Condition("null", "none", 0.0, noise), 5, np.random.default_rng(5)
+        )
+        for noise in ("loud" + diagnosis_hmi_fast.NEAR, "loud")
+    )
+    np.testing.assert_array_equal(near[:-1], believed[:-1])
+    assert near[-1] == pytest.approx(0.6 * believed[-1])
+    planned = [condition.noise for condition, _ in diagnosis_hmi_fast.planned(1.0, False) if condition.part == "null"]
+    assert set(planned) == {*diagnosis_hmi.NOISES, *(noise + "-near" for noise in diagnosis_hmi.NOISES)}
+
+
 def test_linear_sets_are_planned_with_seeds_of_their_own():
     for development in (True, False):
         seeds = [seed for _, some in diagnosis_hmi_fast.planned(1.0, development) for seed in some]

@@ -87,6 +87,7 @@ class Decision:
         lead: Nats by which the best free form is more improbable as noise than any cause; see `rule.enough`.
         few: Whether data were few.
         best_fit: The cause whose refit converged and fits best; none if that is empty.
+        unsettled: Causes that were put into the model, and whose refit did not converge.
     """
 
     verdict: str
@@ -99,6 +100,7 @@ class Decision:
     lead: float
     few: bool = False
     best_fit: str = ""
+    unsettled: tuple[str, ...] = ()
 
     @property
     def named(self) -> tuple[str, ...]:
@@ -117,8 +119,8 @@ class Decision:
 
     @property
     def possible(self) -> tuple[str, ...]:
-        """Causes whose remainder does not rule them out, best first, whatever the verdict."""
-        alone = (name for name, p in self.candidates.items() if p >= SET_LEVEL)
+        """Causes that what a settled refit leaves does not rule out, best first, whatever the verdict."""
+        alone = (name for name, p in self.candidates.items() if p >= SET_LEVEL or name in self.unsettled)
         return tuple(dict.fromkeys([*self._mentioned, *alone]))
 
     def ranked(self, names: Sequence[str]) -> list[str]:
@@ -220,6 +222,7 @@ def decide(
         lead=omnibus.lead_of_free_forms({name: gained(name, one) for name, one in alone.items()}),
         few=few,
         best_fit=converged[0] if converged else "",
+        unsettled=tuple(name for name in alone if name not in converged),
     )
     left = [found.tests[name] for name in converged]
     singles = {(name,): one for name, one in alone.items()} if enough(left, found.lead, few=few) else {}

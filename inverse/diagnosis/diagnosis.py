@@ -160,9 +160,10 @@ class Diagnosis:
 
     @property
     def in_question(self) -> dict[str, FullFit]:
-        """Refits with a cause that is not ruled out, by name, in rank order."""
+        """Refits with what is not ruled out, by the names of the causes in them, in rank order."""
         kept = [one for one in self.causes if one.status in ("named", "confusable", "possible") and one.converged]
-        return {one.cause.name: one.refit for one in kept if one.refit is not None}
+        refits = [one.refit for one in kept if one.refit is not None]
+        return {" and ".join(extension.cause.name for extension in refit.extensions): refit for refit in refits}
 
 
 def failed(account: Account, problem: Any, residuals, audit: Sequence[str], *, level: float, seed: int) -> Diagnosis:
@@ -336,7 +337,7 @@ def _report(
     refit, which = (extended, inside.index(name)) if name in inside else (None, 0)
     if refit is None and name in decision.candidates:
         noise = examined.family[decision.tests[name].null_noise]
-        kept = name in decision.possible
+        kept = name in decision.possible and name not in decision.unsettled
         refit = examined.fit((extension,), noise, examined.linear_strengths((extension,)), kept)
     if refit is not None:
         estimate, converged = float(refit.strengths[which]), refit.converged

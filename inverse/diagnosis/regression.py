@@ -19,7 +19,8 @@ class Regression:
     noise were white, would be those of another experiment.
 
     Attributes:
-        size: Standard deviation of the residuals there.
+        size: Standard deviation of the residuals there, by readings alone: what is believed of constants, which is data
+            at the end, holds effects back and says nothing of the noise.
     """
 
     def __init__(self, residuals: Float[np.ndarray, " n"], fitted: Float[np.ndarray, "n p"], noise: Noise) -> None:
@@ -33,8 +34,10 @@ class Regression:
         self._noise = noise
         self._basis = independent(noise.whiten(unit_columns(fitted)))
         self._left = self._beside(residuals)
-        self._freedom = max(len(residuals) - self._basis.shape[1], 2)
-        self.size = float(np.linalg.norm(self._left)) / math.sqrt(self._freedom)
+        self._readings = len(residuals) - noise.beliefs
+        taken = float(np.sum(self._basis[: self._readings] ** 2))
+        self._freedom = max(self._readings - taken, 2.0)
+        self.size = self._norm_of_readings(self._left) / math.sqrt(self._freedom)
 
     def length(self, direction: Float[np.ndarray, " n"]) -> float:
         """Of what a unit of an effect adds that nothing fitted can imitate."""
@@ -44,9 +47,12 @@ class Regression:
         """Strength of an effect, and its interval at `INTERVAL_LEVEL` by Student's t."""
         across, length = self._beside(direction), self.length(direction)
         found = float(across @ self._left) / length**2
-        rest = float(np.linalg.norm(self._left - found * across)) / math.sqrt(self._freedom - 1)
-        reach = float(stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, self._freedom - 1)) * rest / length
+        rest = self._norm_of_readings(self._left - found * across) / math.sqrt(self._freedom - 1.0)
+        reach = float(stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, self._freedom - 1.0)) * rest / length
         return found, (found - reach, found + reach)
+
+    def _norm_of_readings(self, left: Float[np.ndarray, " n"]) -> float:
+        return float(np.linalg.norm(left[: self._readings]))
 
     def _beside(self, data: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         return project_out(self._noise.whiten(data[:, None]), self._basis)[:, 0]

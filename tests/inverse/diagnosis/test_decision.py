@@ -277,6 +277,18 @@ def test_of_few_data_the_best_fit_that_converged_speaks():
     assert next(iter(found.tests)) == "bend" and found.best_fit == "wave" and found.named == ("wave",)
 
 
+def test_a_refit_that_did_not_converge_rules_no_cause_out():
+    """Where it stopped everything may be left."""
+
+    def extend(added, _):
+        lost = Refitted(WAVE, FITTED, float(WAVE @ WAVE), CAUSES, converged=False)
+        return lost if added[0].name == "bend" else projected(added)
+
+    found = decided(WAVE, extend)
+    assert found.named == ("wave",) and found.candidates["bend"] < SET_LEVEL
+    assert found.unsettled == ("bend",) and found.possible == ("wave", "bend")
+
+
 def far_above_noise(seed=3):
     """Three like each other, of which the last one is there, so strongly that no float holds the p-value of any."""
     x = np.linspace(0.0, 1.0, 600)

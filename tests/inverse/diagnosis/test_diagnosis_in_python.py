@@ -14,6 +14,7 @@ from inverse.commands.main import run
 from inverse.datasets.dma import read_dma
 from inverse.datasets.table import unused
 from inverse.diagnosis import DMA_CAUSES, DmaCause, dma_diagnosis
+from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.report import as_json, pairs_in_question, report
 from inverse.figures.residuals import residuals_figure
 from tests.blind import dma_generator as blind
@@ -108,6 +109,23 @@ def test_two_causes_are_called_two_and_sets_of_pairs_are_listed(file):
     assert "\n\nWhat is left, without a name: " in reported("unexplained", ("slip",))
     assert pairs_in_question(concluded("named", ("sweep-drift", "slip"))) == []
     assert pairs_in_question(concluded("confusable", ("drying",), ("slip",))) == []
+
+
+def test_a_refit_with_two_causes_is_one_in_question(file):
+    found = inverse.diagnose(file, causes=["sweep-drift", "slip", "drying"], gain=False).details
+    first, second, third = found.causes
+    names = [one.cause.name for one in found.causes]
+
+    def with_both(one):
+        return dataclasses.replace(one, status="named", refit=both, converged=True)
+
+    def refitted(*reports):
+        return dataclasses.replace(found.extended, extensions=tuple(Extension(one.cause, 0.0) for one in reports))
+
+    both, alone = refitted(second, first), refitted(third)
+    third = dataclasses.replace(third, status="possible", refit=alone, converged=True)
+    found = dataclasses.replace(found, causes=(with_both(first), with_both(second), third))
+    assert found.in_question == {f"{names[1]} and {names[0]}": both, names[2]: alone}
 
 
 def test_the_terminal_says_which_pairs_and_which_columns_were_not_used(file, tmp_path, monkeypatch, capsys):

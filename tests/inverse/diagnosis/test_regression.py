@@ -52,6 +52,21 @@ def test_a_smooth_effect_has_to_be_larger_in_noise_that_is_smooth():
     assert wider == pytest.approx(predicted, rel=0.2) and predicted > 1.5
 
 
+@pytest.mark.parametrize("wide", [0.2, 2.0])
+def test_what_is_believed_of_constants_is_no_noise(wide):
+    noise, fitted, direction = case(0.8)
+    rng = np.random.default_rng(5)
+    residuals = noise.colour(rng.standard_normal((COUNT, 1)))[:, 0]
+    alone = Regression(residuals, fitted, noise)
+    # Readings tell all but a millionth of the constants, so that beliefs take and give nothing.
+    believed = np.append(residuals, wide * rng.standard_normal(2))
+    together = Regression(believed, np.append(1e3 * fitted, np.eye(2), axis=0), noise.extended(2))
+    assert together.size == pytest.approx(alone.size, rel=1e-4)
+    found, interval = together.strength(np.append(direction, [0.0, 0.0]))
+    expected, ends = alone.strength(direction)
+    assert [found, *interval] == pytest.approx([expected, *ends], abs=1e-3 * (ends[1] - ends[0]))
+
+
 def test_too_few_replicates_for_a_level_are_refused():
     require_level(0.05, 39)
     with pytest.raises(InputError, match="`replicates` must be 39 or more"):
