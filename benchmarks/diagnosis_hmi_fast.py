@@ -145,7 +145,8 @@ def main() -> None:
     given.out.parent.mkdir(parents=True, exist_ok=True)
     given.out.write_text(json.dumps(summary, indent=2) + "\n")
     if given.docs is not None:
-        write_docs(summary, given.docs, LINEAR_HMI_STUDY)
+        part = "" if given.share == 1.0 else f" --share {given.share:g}"
+        write_docs(summary, given.docs, dataclasses.replace(LINEAR_HMI_STUDY, command=LINEAR_HMI_STUDY.command + part))
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import ast
 import hashlib
 import io
 import json
+import re
 import tokenize
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -115,9 +116,17 @@ def recorded(
 
 
 def code_of(lines: Sequence[dict[str, Any]], made_by: str) -> str:
-    """Which code made a record, and from which seeds, in two sentences; the third if it is not the present code."""
+    """Which code made a record, and from which seeds, in two sentences that stay true when the code changes."""
     (found,) = {line.get("stamp") for line in lines} or {made_by}
     seeds = [line["seed"] for line in lines]
     said = f"Seeds from {min(seeds)} to {max(seeds)}. " if seeds else ""
-    said += f"The code that the rates depend on has the stamp {made_by}."
-    return said if found == made_by else f"{said} It was changed since: it had {found}. CHANGELOG.md says in what."
+    return (
+        f"{said}Judged by code of the stamp {found}: `python -m benchmarks.diagnosis_pages` says whether it has "
+        "changed since, CHANGELOG.md in what."
+    )
+
+
+def stamp_on(page: str) -> str:
+    """Stamp of the code that a page's rates are of, as `code_of` says it; empty if it says none."""
+    said = re.search(r"Judged by code of the stamp (\w+)", page)
+    return said[1] if said else ""

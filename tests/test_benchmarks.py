@@ -9,7 +9,8 @@ import pytest
 from benchmarks import acoustics, diagnosis, diagnosis_hmi, diagnosis_hmi_fast, inference, mechanics, protocols
 from benchmarks.diagnosis_docs import write_docs
 from benchmarks.diagnosis_limits import Design, limits, projected_length, removed_limits
-from benchmarks.diagnosis_record import arguments, code_in, code_of, recorded, stamp
+from benchmarks.diagnosis_pages import compared
+from benchmarks.diagnosis_record import ROOT, arguments, code_in, code_of, recorded, stamp, stamp_on
 from benchmarks.diagnosis_studies import DMA_STUDY, HMI_STUDY, Bound
 from benchmarks.diagnosis_summary import NO_DATA, rate, summarise
 from inverse.diagnosis import HMI_CAUSES
@@ -142,8 +143,8 @@ def test_records_of_other_code_are_not_added_to_but_summed_up_and_said_to_be(tmp
         recorded(lambda *_: {}, todo, given, "that")
     given.minutes = 0.0
     assert recorded(lambda *_: pytest.fail("only summed up"), todo, given, "that") == made
-    assert code_of(made, "this") == "Seeds from 5 to 5. The code that the rates depend on has the stamp this."
-    assert "has the stamp that. It was changed since: it had this." in code_of(made, "that")
+    assert code_of(made, "that").startswith("Seeds from 5 to 5. Judged by code of the stamp this: ")
+    assert stamp_on(f"A page. {code_of(made, 'that')}") == "this" and stamp_on("Another.") == ""
     given.out.write_text(given.out.read_text() + '{"part": "null", "seed": 6, "stamp": "another"}\n')
     with pytest.raises(SystemExit, match="made by one code"):
         recorded(lambda *_: {}, todo, given, "that")
@@ -155,6 +156,13 @@ def test_a_record_depends_on_code_and_not_on_what_is_said_about_it():
     assert code_in(with_words) == 'x = "#1"\ndef f():\n    return x' == code_in(code_in(with_words))
     assert code_in(with_words.replace("#1", "#2")) != code_in(with_words)
     assert stamp(["inverse/diagnosis/report.py"]) == stamp([]) != stamp(["inverse/diagnosis/decision.py"])
+
+
+def test_every_page_of_rates_says_which_code_it_is_of():
+    pages = {page.name for page in (ROOT / "docs").glob("operating_characteristic*.md")}
+    found = compared()
+    assert found.keys() == pages
+    assert all(len(made_by) == len(here) == 12 for made_by, here in found.values())
 
 
 def test_seeds_of_a_condition_do_not_run_into_those_of_the_next():

@@ -27,7 +27,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Simulation and calibration of radiation-force displacement in tissue heated by focused ultrasound.",
+    help="Simulate, calibrate and diagnose how radiation force moves tissue that focused ultrasound heats.",
 )
 app.command()(simulate)
 app.command("field")(field_command)

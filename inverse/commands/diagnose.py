@@ -73,8 +73,8 @@ def diagnose_command(
 ) -> None:
     """Say whether the model of a DMA file or of HMI curves is wrong, by which cause, and what mending it is worth.
 
-    Writes diagnosis.json, report.md, two figures (PNG and PDF) and summary.json into the folder `out`; with both files,
-    into its folders `dma` and `hmi`.
+    Writes diagnosis.json, report.md and two figures (PNG and PDF) into the folder `out`, with both files into its
+    folders `dma` and `hmi`; and summary.json into `out`.
     """
     jax.config.update("jax_enable_x64", True)
     if dma is None and hmi is None:
@@ -201,7 +201,10 @@ def _show(diagnosed: Diagnosed, out: Path) -> None:
     for one in diagnosed.content["separation"]:
         if one["measurement"] is not None:
             now, then = (100.0 * part["probability_right"] for part in (one, one["measurement"]))
-            lines.append(f"to tell them apart: {one['measurement']['words']} ({now:.0f} -> {then:.0f} %)")
+            best = f"{one['measurement']['words']} ({now:.0f} -> {then:.0f} %)"
+            lines.append(
+                f"to tell them apart: {best if then > now else 'none of the measurements rated does it better'}"
+            )
     if found.not_testable:
         lines.append("not testable with these data: " + ", ".join(one.name for one in found.not_testable))
     show_lines([*lines, *diagnosed.remarks, f"written to {out}"])

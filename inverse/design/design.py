@@ -117,10 +117,18 @@ def alive(
         library: Causes.
 
     Raises:
-        InputError: if there are no two causes to tell apart, or the fit failed.
+        InputError: if there are no two causes to tell apart, if what is to be told apart are sets of two at once, or if
+            the fit failed.
     """
     if found.noise is None:
         raise InputError("the fit of these data failed, so that there is nothing to design by: see `arfjax diagnose`.")
+    explanations = () if found.decision is None else found.decision.explanations
+    together = "; ".join(" with ".join(names) for names in explanations if len(names) > 1)
+    if together and not wanted:
+        raise InputError(
+            f"the answer to these data is two causes at once ({together}), and what would separate sets of two "
+            "is not rated: name causes to tell apart (--causes)."
+        )
     known = {one.cause.name: one for one in found.causes}
     wanted = [cause.name for cause in find_causes(wanted, library)]
     for name in wanted:

@@ -151,7 +151,7 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
         # A paragraph of its own: the line before it may be of a list.
         lines += ["", f"What is left, without a name: {text}."]
     if found.gain is not None and found.extended is not None:
-        names = " and ".join(extension.cause.name for extension in found.extended.extensions)
+        names = " and ".join(_put_in(found))
         gain = found.gain
         course = "rises" if gain.log_score_gain > 0.0 else "falls"
         lines += [
@@ -186,6 +186,9 @@ def _beyond_causes(found: Diagnosis) -> list[str]:
     left = {one.cause.name: one.left for one in found.causes if one.converged and one.status == "possible"}
     near = [name for name, p_value in left.items() if p_value is not None and p_value >= UNEXPLAINED_LEVEL]
     said = _of_few(decision) if decision.few else _of_many(decision)
+    best = decision.best_fit
+    if decision.few and near and best and decision.tests[best].p_value < SET_LEVEL:
+        said = f"{best} fits best, and is ruled out by what it leaves; of so few data only the best-fitting one counts."
     if said and near:
         who = near[0] if len(near) == 1 else f"Each of {', '.join(near)}"
         said += f" {who} would leave nothing conspicuous, and is not named for this reason."
@@ -250,6 +253,7 @@ def _table(found: Diagnosis) -> list[str]:
         "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | --- | --- |",
     ]
     least = found.decision.omnibus.least_p if found.decision is not None else 0.0
+    both = _put_in(found)
     lines += [
         f"| {one.cause.name} | {one.cause.place} | {one.statistic:.2f} | {_p(one.p_value, least)} | {one.p_alone:.2g} "
         f"| {'–' if one.left is None else f'{one.left:.2g}'} "
@@ -266,9 +270,15 @@ def _table(found: Diagnosis) -> list[str]:
         f"unlikely (p below {UNEXPLAINED_LEVEL:g}) but not out of the question ({SET_LEVEL:g}), if its refit did not "
         "converge, or if it does not explain the data well enough, given how well a correction of no name does. "
         '"Would be seen from" is the strength of d\' = 4.5 in noise such as the model of the verdict leaves: found in '
-        "96 of 100 such data sets if noise and model were known, in fewer as they are not.",
+        "96 of 100 such data sets if noise and model were known, in fewer as they are not."
+        + (f" Strengths of {' and '.join(both)} are of the model with both." if len(both) > 1 else ""),
         "",
     ]
+
+
+def _put_in(found: Diagnosis) -> list[str]:
+    """Causes in the model of the verdict."""
+    return [extension.cause.name for extension in found.extended.extensions] if found.extended is not None else []
 
 
 def _p(value: float, least: float, equal: str = "") -> str:
@@ -277,11 +287,20 @@ def _p(value: float, least: float, equal: str = "") -> str:
 
 
 def _where(found: Diagnosis) -> list[str]:
-    lines = ["## Where", "", "| free correction | share of the misfit that it absorbs | p |", "| --- | ---: | ---: |"]
+    model = f"with {' and '.join(_put_in(found))} in it" if _put_in(found) else "without causes"
+    lines = [
+        "## Where",
+        "",
+        f"Of what the model {model} leaves, corrections of no name could take (what it leaves is the misfit here):",
+        "",
+        "| free correction | share of the misfit that it absorbs | p |",
+        "| --- | ---: | ---: |",
+    ]
     places = _once(found.places)
     least = found.decision.last.least_p if found.decision is not None else 0.0
     lines += [f"| {one.words} | {100.0 * one.share:.0f} % | {_p(one.p_family, least)} |" for one in places]
-    lines += ["", "| neighbours along | correlation of residuals | p |", "| --- | ---: | ---: |"]
+    lines += ["", "Residuals of the model without causes:", ""]
+    lines += ["| neighbours along | correlation of residuals | p |", "| --- | ---: | ---: |"]
     lines += [f"| {one.along} | {one.correlation:+.2f} | {one.p_value:.3g} |" for one in found.residuals_whiteness]
     lines = [*lines, "", *_links(found)]
     return lines if found.places or found.residuals_whiteness else []

@@ -1,4 +1,4 @@
-"""Figures of fits; matplotlib is used here and in `arfjax.figures`, and nowhere else."""
+"""Figures of fits, each a `Figure` of its own: nothing of pyplot, which would keep them."""
 
 from inverse.figures.calibration import draw_calibration as draw_calibration
 from inverse.figures.diagnosis import diagnosis_figure as diagnosis_figure

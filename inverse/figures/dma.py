@@ -1,4 +1,4 @@
-"""Figures of fits. matplotlib is used here and nowhere else in the package, and only through `Figure` objects."""
+"""Figures of fits to a dynamic mechanical analysis."""
 
 from collections.abc import Sequence
 

@@ -15,7 +15,7 @@ from inverse.diagnosis.noise import Noise
 
 _BLOCKS = 5
 _LEAST_READINGS = 2
-"""Of a sonication for its factor to leave something to score."""
+"""Of a sonication for its factor to leave something to score; one that has no more is never left out."""
 
 
 def held_out_gain_hmi(noise: Noise, *, size: float, null: HmiFit, extended: HmiFit) -> Gain | None:
@@ -62,12 +62,13 @@ def _folds(problem: HmiDiagnosisProblem) -> tuple[list[Bool[np.ndarray, " row"]]
     rows = problem.rows
     if len(rows.labels) > 1:
         parts = [rows.sonication == one for one in range(len(rows.labels))]
-        parts = [part for part in parts if np.sum(part) > _LEAST_READINGS]
-        return parts, f"each of {len(parts)} sonications left out in turn, its own factor from its own readings"
+        told = [part for part in parts if np.sum(part) > _LEAST_READINGS]
+        few = len(parts) - len(told)
+        kept = f" ({few} more with {_LEAST_READINGS} readings or fewer never)" if few else ""
+        return told, f"each of {len(told)} sonications left out in turn{kept}, its own factor from its own readings"
     rank = np.argsort(np.argsort(rows.temperature, kind="stable"), kind="stable")
     block = rank * _BLOCKS // len(rank)
     parts = [block == one for one in np.unique(block)]
-    parts = [part for part in parts if np.sum(part) > _LEAST_READINGS]
     return parts, f"{len(parts)} blocks of neighbouring temperatures, each left out in turn, the factor from the others"
 
 
@@ -80,7 +81,7 @@ def _score(fit: HmiFit, noise: Noise, left_out: Bool[np.ndarray, " row"]) -> tup
     problem = fit.problem
     raw, scale = problem.residuals(fit.unknowns), np.exp(noise.log_deviation[: len(problem.rows)])
     used = ~left_out
-    spread = np.sqrt(np.mean((fit.of_readings / scale)[used] ** 2) * np.sum(used) / _freedom(fit, used))
+    spread = np.sqrt(np.sum((fit.of_readings / scale)[used] ** 2) / fit.freedom)
     deviation = spread * scale[left_out]
     sonication = problem.rows.sonication
     whole = not np.any(np.isin(sonication[left_out], sonication[used]))
@@ -92,9 +93,3 @@ def _score(fit: HmiFit, noise: Noise, left_out: Bool[np.ndarray, " row"]) -> tup
     count = readings - whole
     density = -0.5 * np.sum((rest / deviation) ** 2) - np.sum(np.log(deviation)) * count / readings
     return rest / problem.weights[left_out], float(density - 0.5 * count * np.log(2.0 * np.pi))
-
-
-def _freedom(fit: HmiFit, used: Bool[np.ndarray, " row"]) -> int:
-    factors = len(np.unique(fit.problem.rows.sonication[used]))
-    moved = fit.directions.shape[1] - fit.problem.factors.shape[1]
-    return max(int(np.sum(used)) - factors - moved, 1)

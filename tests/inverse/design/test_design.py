@@ -10,11 +10,11 @@ from arfjax import InputError
 from inverse.commands.main import run
 from inverse.datasets.dma import read_dma
 from inverse.design import design_dma
-from inverse.design.design import reasons
+from inverse.design.design import alive, reasons
 from inverse.design.dma_information import dma_information
 from inverse.design.dma_proposals import dma_proposals
 from inverse.design.separation import separation
-from inverse.diagnosis import diagnose_dma
+from inverse.diagnosis import DMA_CAUSES, diagnose_dma
 from inverse.diagnosis.cause import Extension
 from tests.blind import dma_generator as blind
 
@@ -125,6 +125,11 @@ def test_what_nothing_can_be_designed_by_is_refused(file, found):
         design_dma(data, found=dataclasses.replace(found, causes=found.causes[:1]))
     twice = design_dma(data, found=found, causes=("slip", "slip", "drying"), check=False, locate=False)
     assert twice.now.names == ("slip", "drying") and twice.information is None and twice.notes == ()
+    assert found.decision is not None
+    pair = dataclasses.replace(found.decision, explanations=(("slip", "drying"), ("slip", "sweep-drift")))
+    with pytest.raises(InputError, match=r"two causes at once \(slip with drying; slip with sweep-drift\)"):
+        design_dma(data, found=dataclasses.replace(found, decision=pair))
+    assert len(alive(dataclasses.replace(found, decision=pair), ("slip", "drying"), DMA_CAUSES)[0]) == 2
     failed = dataclasses.replace(found, verdict="fit-failure", noise=None, causes=())
     with pytest.raises(InputError, match="the fit of these data failed"):
         design_dma(data, found=failed)

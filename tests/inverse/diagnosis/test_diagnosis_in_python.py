@@ -212,6 +212,25 @@ def test_of_few_data_it_is_said_what_the_best_fitting_cause_leaves_and_would_hav
     ruled_out = {**left, "slip": dataclasses.replace(left["slip"], p_value=0.005)}
     for other in (dataclasses.replace(decision, tests=ruled_out), dataclasses.replace(decision, best_fit="")):
         assert "fits best" not in report(dataclasses.replace(found, decision=other), "these data", [])
+    # But not why another one, which leaves little, is not named.
+    drying = next(one for one in found.causes if one.cause.name == "drying")
+    drying = dataclasses.replace(drying, status="possible", left=0.3, converged=True)
+    found = dataclasses.replace(found, decision=dataclasses.replace(decision, tests=ruled_out), causes=(drying,))
+    said = "slip fits best, and is ruled out by what it leaves; of so few data only the best-fitting one counts. drying"
+    assert said in report(found, "these data", [])
+
+
+def test_it_is_said_which_model_leaves_what_and_whose_strengths_are_of_two(file):
+    found = inverse.diagnose(file, causes=["sweep-drift", "slip"], gain=False).details
+    assert found.named == ("sweep-drift",) and found.extended is not None
+    text = report(found, "these data", [])
+    assert "Of what the model with sweep-drift in it leaves" in text and "Residuals of the model without causes" in text
+    assert "are of the model with both" not in text
+    both = tuple(Extension(one.cause, 0.0) for one in found.causes)
+    found = dataclasses.replace(found, extended=dataclasses.replace(found.extended, extensions=both))
+    listed = " and ".join(one.cause.name for one in found.causes)
+    assert f"Strengths of {listed} are of the model with both." in report(found, "these data", [])
+    assert "Of what the model without causes leaves" in report(dataclasses.replace(found, extended=None), "these", [])
 
 
 def test_what_is_left_is_drawn_against_every_coordinate_with_the_correction_of_no_name(file):
