@@ -15,8 +15,9 @@ from inverse.diagnosis.evidence import ALLOWANCE
 from inverse.diagnosis.examination import DETECTABLE, Examined, FullFit, NotTestable
 from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.noise_gate import NoiseGate, Repeats, noise_gate
+from inverse.diagnosis.noise_gate import GATE_LEVEL, NoiseGate, Repeats, noise_gate
 from inverse.diagnosis.regression import Regression
+from inverse.diagnosis.rule import SET_LEVEL
 from inverse.diagnosis.screening import Screen
 from inverse.diagnosis.where import Absorbed, Axis, Whiteness, absorbed_by_places, whiteness
 
@@ -78,7 +79,8 @@ class CauseReport:
         shape: Value of its second parameter that fits best, or None.
         statistic: t of its strength.
         p_value: That noise alone gives any cause or free form as improbable a value; of curves with the `ALLOWANCE`.
-        p_alone: p-value of this cause by itself.
+        p_alone: p-value of this cause by itself; of curves, which are looked along with either sign, of the likelier
+            sign.
         estimate: Strength, refitted in full where it was put into the model, else from the linearisation, in the
             likeliest noise without any cause: where t says that nothing is there, the interval holds 0.
         interval: At 95 %.
@@ -186,11 +188,13 @@ def require_level(level: float, replicates: int | None = None) -> int:
         raise InputError(f"`level` must be from {LOWEST_LEVEL:g} to {HIGHEST_LEVEL:g}, got {level:g}.")
     if replicates is None:
         return replicates_at(level)
-    needed = math.ceil(2.0 / level) - 1
+    shown = min(level, SET_LEVEL, GATE_LEVEL)
+    needed = math.ceil(2.0 / shown) - 1
     if replicates < needed:
         raise InputError(
-            f"`replicates` must be {needed} or more to show a level of {level:g}, got {replicates}: the least p-value "
-            f"that n of them can show is 1/(n + 1), of curves {ALLOWANCE:g} times that."
+            f"`replicates` must be {needed} or more to show a level of {shown:g}, got {replicates}: the least p-value "
+            f"that n of them can show is 1/(n + 1), of curves {ALLOWANCE:g} times that. Causes are ruled out, and "
+            f"noise is judged, at a level of {SET_LEVEL:g}."
         )
     return replicates
 

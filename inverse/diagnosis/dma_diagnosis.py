@@ -65,7 +65,7 @@ def diagnose_dma(
         DmaAccount(problem),
         problem,
         rng,
-        audit=audit,
+        audit=(*audit, *examined.remarks),
         axes=_axes(problem),
         repeats=repeats_of(problem),
         gain=worth if gain else None,

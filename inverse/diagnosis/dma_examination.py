@@ -9,7 +9,7 @@ from jaxtyping import Float
 from inverse.diagnosis.cause import DmaCause, Extension, every_shape
 from inverse.diagnosis.decision import Refitted, decide
 from inverse.diagnosis.dma_problem import DmaProblem
-from inverse.diagnosis.examination import Examined, extension_of, linear_strengths, visible_alternatives
+from inverse.diagnosis.examination import Examined, extension_of, in_white_noise, linear_strengths, visible_alternatives
 from inverse.diagnosis.extended_fit import ExtendedFit, fit_extended
 from inverse.diagnosis.free_forms import Place, dma_free_forms
 from inverse.diagnosis.noise import Noise, noise_family
@@ -37,7 +37,7 @@ def examine_dma(
     """
     program = (*program, *(cause for cause in causes if cause.name not in {one.name for one in program}))
     family = noise_family(problem.orderings(), problem.frequencies(), unit="Hz")
-    residuals, fitted, constants = _fitted_in_its_noise(problem, family, program)
+    residuals, fitted, constants, remarks = _fitted_in_its_noise(problem, family, program)
     size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
     free_forms, places = _free_forms(problem, residuals)
     seen, not_testable = visible_alternatives(problem.directions(every_shape(causes), constants), fitted, size, causes)
@@ -54,11 +54,13 @@ def examine_dma(
     decision = decide(
         residuals, fitted, seen, free_forms, family, rng, extend=extend, level=level, replicates=replicates
     )
-    return Examined(tuple(causes), residuals, fitted, tuple(seen), not_testable, tuple(places), family, decision, fit)
+    return Examined(
+        tuple(causes), residuals, fitted, tuple(seen), not_testable, tuple(places), family, decision, fit, remarks
+    )
 
 
 def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: Sequence[DmaCause]):
-    """Residuals, derivatives and constants of the model fitted in the likeliest kind of noise.
+    """Residuals, derivatives and constants of the model fitted in the likeliest kind of noise, and what is to be said.
 
     A fit that takes the noise for white strays farther than the linearisation holds where a part of the data is louder:
     measured on noise that is three times larger above 40 Hz, one data set in six was found wrong for that alone.
@@ -66,9 +68,11 @@ def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: 
     residuals, fitted = problem.residuals(), problem.fitted_directions()
     _, member, _ = Screen(fitted, (), family).noise_evidence(residuals[:, None])
     if family[member[0]].is_white:
-        return residuals, fitted, problem.constants
+        return residuals, fitted, problem.constants, ()
     refit = fit_extended(problem, (), family[member[0]], np.zeros(0), library=program, profile=False)
-    return refit.residuals, refit.directions, refit.constants
+    if not refit.converged:
+        return residuals, fitted, problem.constants, (in_white_noise(refit.status),)
+    return refit.residuals, refit.directions, refit.constants, ()
 
 
 def _free_forms(problem: DmaProblem, residuals: Float[np.ndarray, " n"]) -> tuple[list[Alternative], list[Place]]:

@@ -150,6 +150,8 @@ def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: in
     needed, sweeps = len(model.constants()), usable_sweeps(data, model)
     fit = fit_sweeps(sweeps, models=(model,), residuals=(_RESIDUAL,), seed=seed, n_starts=n_starts)
     weights, stated = _weights(sweeps)
+    if data.has_phase and not stated and data.modulus_magnitude_sd is not None:
+        notes = (*notes, "The magnitude's standard deviation is not used beside both moduli: theirs would be.")
     left_out = len(group_sweeps(data)) - len(sweeps)
     if left_out:
         notes = (*notes, f"{left_out} sweeps with too few frequencies for {needed} constants were left out.")

@@ -92,6 +92,7 @@ class Examined:
         family: Noise members.
         decision: What follows.
         fit: Puts extensions into the model and fits it in full.
+        remarks: What is to be said of the fit.
     """
 
     causes: tuple[Cause, ...]
@@ -103,6 +104,7 @@ class Examined:
     family: tuple[Noise, ...]
     decision: Decision
     fit: FitFull
+    remarks: tuple[str, ...] = ()
 
     def extension(self, name: str) -> Extension:
         """The cause of this name in its most probable shape."""
@@ -128,6 +130,11 @@ class Examined:
         """Strengths of the extensions together in the linearised model: where a refit starts."""
         added = [self.alternative(extension.cause.name) for extension in extensions]
         return linear_strengths(added, self.residuals, self.fitted)
+
+
+def in_white_noise(status: str) -> str:
+    """That a fit failed in the likeliest kind of noise, and how."""
+    return f"In the likeliest kind of noise the fit without causes failed ({status}): the one in white noise stands."
 
 
 def extension_of(causes: Sequence[Cause], alternative: Alternative) -> Extension:

@@ -12,6 +12,7 @@ from scipy import optimize, stats
 
 from inverse.diagnosis.cause import DmaCause, Extension
 from inverse.diagnosis.dma_problem import DmaProblem
+from inverse.diagnosis.limits import at_limit
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.regression import INTERVAL_LEVEL
 from inverse.diagnosis.screening import Alternative
@@ -37,7 +38,8 @@ class ExtendedFit:
             cause has a shape, by the profile likelihood over it.
         constants: Of every sweep.
         residuals: Measured less predicted, weighted.
-        directions: Derivative of the weighted prediction in strengths, shapes and constants, at the fit.
+        directions: Derivative of the weighted prediction in strengths, shapes and constants, at the fit; but for
+            strengths and shapes at a limit that the data would pass, which can follow nothing any more.
         others: Derivative in the strength of every cause of the library that was not added, in every shape, at the fit.
         misfit: Sum of squares of the residuals in coordinates in which the noise is white.
         converged: Whether it did.
@@ -135,13 +137,16 @@ class Refit:
             for which, error in zip(np.flatnonzero(shaped).tolist(), errors[count:], strict=True):
                 ends[which] = self._profiled(which, unknowns, square, reach * float(error))
         shapes = [float(shape) for shape in unknowns[self._shapes]]
+        lower, upper = self._bounds(len(unknowns))
+        held = at_limit(unknowns[self._moved], lower[self._moved], upper[self._moved], jacobian.T @ white)
+        held &= self._moved < 2 * len(self.white.causes)
         return ExtendedFit(
             extensions=tuple(Extension(e.cause, shape) for e, shape in zip(self.extensions, shapes, strict=True)),
             strengths=unknowns[self._strengths] * self._scales,
             intervals=np.clip(ends, self._range[:, :1], self._range[:, 1:]) * self._scales[:, None],
             constants=np.asarray(constants_of(self.white, jnp.asarray(unknowns))),
             residuals=self.plain(unknowns),
-            directions=self._plain_slope(unknowns)[:, self._moved],
+            directions=self._plain_slope(unknowns)[:, self._moved[~held]],
             others=self._others(unknowns),
             misfit=float(white @ white),
             converged=converged,
@@ -243,10 +248,7 @@ class Refit:
 
     def _solve(self, first, moved, used, tolerance=1e-10) -> tuple[Float[np.ndarray, " unknown"], bool, str]:
         """Least squares in the unknowns that are moved."""
-        lower, upper = np.full(len(first), -_BEYOND), np.full(len(first), _BEYOND)
-        lower[self._strengths], upper[self._strengths] = self._range.T
-        for shape, extension in zip(self._shapes, self.extensions, strict=True):
-            lower[shape], upper[shape] = extension.cause.shapes[0], extension.cause.shapes[-1]
+        lower, upper = self._bounds(len(first))
         mask = jnp.asarray(np.repeat(used.astype(float), self.problem.weights.shape[1]))
         kept: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
@@ -273,6 +275,14 @@ class Refit:
         unknowns = first.copy()
         unknowns[moved] = solution.x
         return unknowns, bool(solution.success), str(solution.message)
+
+    def _bounds(self, count: int) -> tuple[Float[np.ndarray, " unknown"], Float[np.ndarray, " unknown"]]:
+        """Of all unknowns."""
+        lower, upper = np.full(count, -_BEYOND), np.full(count, _BEYOND)
+        lower[self._strengths], upper[self._strengths] = self._range.T
+        for shape, extension in zip(self._shapes, self.extensions, strict=True):
+            lower[shape], upper[shape] = extension.cause.shapes[0], extension.cause.shapes[-1]
+        return lower, upper
 
     def _profiled(
         self, which: int, best: Float[np.ndarray, " unknown"], square: float, reach: float

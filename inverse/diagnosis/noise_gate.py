@@ -10,6 +10,8 @@ from inverse.diagnosis.screening import Screen
 
 GATE_LEVEL = 0.01
 """Probability of calling white noise something else, for each of the questions."""
+_SAME = 1e-9
+"""Scatter of repeats, over the residuals' size, at which they are the same reading written again: that is no repeat."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,7 +36,7 @@ class NoiseGate:
         p_white: That white noise of one size looks as unlike it.
         size: Standard deviation of the residuals, in units of the stated ones, or relative where none are stated [1];
             of readings alone, where what is believed of constants is among the data.
-        p_size: That noise of the stated size leaves residuals as large; NaN where no deviations are stated.
+        p_size: That noise of the stated size leaves residuals as large, or as small; NaN where none is stated.
         excess_kurtosis: Of the whitened residuals; 0 for Gaussian noise.
         p_tails: That Gaussian noise has as heavy tails.
         repeats: Scatter of repeated measurements at the same frequency and sweep, in the unit of `size`; NaN without.
@@ -91,17 +93,18 @@ def noise_gate(
         repeats: Scatter of repeated readings, if there are any.
         replicates: How many.
     """
-    white = rng.standard_normal((len(residuals), replicates))
-    gain, member, left = screen.noise_evidence(np.concatenate([residuals[:, None], white], axis=1))
     readings = len(residuals) - screen.family[0].beliefs
+    size, freedom, width = screen.of_readings(residuals)
+    white = rng.standard_normal((len(residuals), replicates))
+    white[readings:] *= width
+    gain, member, left = screen.noise_evidence(np.concatenate([residuals[:, None], white], axis=1))
     kurtosis = stats.kurtosis(left[:readings], axis=0)
-    size, freedom = screen.size_of_readings(residuals)
     again = Repeats(np.nan, 0) if repeats is None else repeats
     return NoiseGate(
         kind=screen.family[member[0]].describe(),
         p_white=_upper(gain),
         size=size,
-        p_size=float(stats.chi2.sf(size**2 * freedom, freedom)) if stated else np.nan,
+        p_size=_as_far(size**2 * freedom, freedom) if stated else np.nan,
         excess_kurtosis=float(kurtosis[0]),
         p_tails=_upper(kurtosis),
         repeats=again.scatter,
@@ -110,10 +113,15 @@ def noise_gate(
     )
 
 
+def _as_far(square: float, freedom: float) -> float:
+    """p-value of chi-square to both sides."""
+    return 2.0 * min(float(stats.chi2.sf(square, freedom)), float(stats.chi2.cdf(square, freedom)))
+
+
 def _lack_of_fit(size: float, freedom: float, repeats: Repeats) -> float:
     """p-value of F: what residuals have beyond the scatter of repeats, over that."""
     rest = freedom - repeats.freedom
-    if repeats.freedom == 0 or rest <= 0 or repeats.scatter == 0.0:  # the same reading twice is no repeat
+    if repeats.freedom == 0 or rest <= 0 or repeats.scatter <= _SAME * size:
         return np.nan
     beyond = (size**2 * freedom - repeats.scatter**2 * repeats.freedom) / rest
     return float(stats.f.sf(beyond / repeats.scatter**2, rest, repeats.freedom))

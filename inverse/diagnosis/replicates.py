@@ -31,14 +31,27 @@ def drawn_anew(
         count: How many.
         rng: For the draws.
     """
+    values, width = _values_and_width(noise, fitted, residuals)
+    drawn = rng.choice(np.concatenate([values, -values]), (len(residuals) - noise.beliefs, count))
+    if noise.beliefs:
+        drawn = np.append(drawn, width * rng.standard_normal((noise.beliefs, count)), axis=0)
+    return noise.colour(drawn)
+
+
+def width_of_beliefs(noise: Noise, fitted: Float[np.ndarray, "n p"], residuals: Float[np.ndarray, " n"]) -> float:
+    """Standard deviation of what is believed of constants as it came out, where that of readings is 1."""
+    values, width = _values_and_width(noise, fitted, residuals)
+    return width / float(np.sqrt(np.mean(values**2)))
+
+
+def _values_and_width(noise: Noise, fitted, residuals) -> tuple[Float[np.ndarray, " reading"], float]:
+    """Readings to draw from, in white coordinates and as large as noise is, and the width of beliefs."""
     white = noise.whiten(residuals[:, None])[:, 0]
     white = white - fitted @ (fitted.T @ white)
     kept, readings = 1.0 - np.sum(fitted**2, axis=1), len(white) - noise.beliefs
-    values = white[:readings] / np.sqrt(np.maximum(kept[:readings], 1.0 - _HIGHEST_LEVERAGE))
-    drawn = rng.choice(np.concatenate([values, -values]), (readings, count))
-    if noise.beliefs:
-        # One more of the readings' size: a width for constants that are hardly known but by belief.
-        squares = np.sum(white[readings:] ** 2) + np.mean(values**2)
-        width = np.sqrt(squares / (np.sum(kept[readings:]) + 1.0))
-        drawn = np.append(drawn, width * rng.standard_normal((noise.beliefs, count)), axis=0)
-    return noise.colour(drawn)
+    told = kept[:readings] > 1.0 - _HIGHEST_LEVERAGE
+    # Readings that the fit follows wherever they are say nothing; without others all are taken as they are.
+    values = (white[:readings] / np.sqrt(np.maximum(kept[:readings], 1.0 - _HIGHEST_LEVERAGE)))[told | ~np.any(told)]
+    # One more of the readings' size: a width for constants that are hardly known but by belief.
+    squares = np.sum(white[readings:] ** 2) + np.mean(values**2)
+    return values, float(np.sqrt(squares / (np.sum(kept[readings:]) + 1.0)))

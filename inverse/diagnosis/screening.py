@@ -26,7 +26,7 @@ from jaxtyping import Float, Int
 
 from arfjax import InputError
 from inverse.diagnosis.noise import LOG_PRIOR_OF_CORRELATION, Noise
-from inverse.diagnosis.replicates import drawn_anew
+from inverse.diagnosis.replicates import drawn_anew, width_of_beliefs
 from inverse.diagnosis.tails import log_p_of_one_variance, log_p_of_t
 
 SIGNALS = (3.0, 6.0, 12.0)
@@ -213,12 +213,13 @@ class Screen:
         weights = np.exp(np.array(found) - max(found))
         return weights / np.sum(weights)
 
-    def size_of_readings(self, residuals: Float[np.ndarray, " n"]) -> tuple[float, float]:
-        """Standard deviation of readings, all weighing the same, and how many are to spare; beliefs are no readings."""
+    def of_readings(self, residuals: Float[np.ndarray, " n"]) -> tuple[float, float, float]:
+        """Standard deviation of readings, how many are to spare, and that of beliefs over it; in white noise."""
         readings = len(residuals) - self.family[0].beliefs
         left = project_out(residuals[:, None], self._fitted)[:readings]
         freedom = max(readings - float(np.sum(self._fitted[:readings] ** 2)), 1.0)
-        return float(np.sqrt(np.sum(left**2) / freedom)), freedom
+        width = width_of_beliefs(self.family[0], self._fitted, residuals)
+        return float(np.sqrt(np.sum(left**2) / freedom)), freedom, width
 
     def replicate(
         self,

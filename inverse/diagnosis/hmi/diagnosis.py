@@ -209,10 +209,9 @@ def fit_remarks(null: HmiFit) -> tuple[str, ...]:
     """What a fit without causes says against itself."""
     problem = null.problem
     far = np.abs(problem.program.penalties(null.unknowns))
-    names = problem.program.parameters.names
     remarks = [
         f"{name} comes out {distance:.1f} standard deviations from what was believed of it."
-        for name, distance in zip(names, far, strict=True)
+        for name, distance in zip(problem.program.names_of_beliefs, far, strict=True)
         if distance > 2.5
     ]
     if null.left > SETTLED:
@@ -220,6 +219,7 @@ def fit_remarks(null: HmiFit) -> tuple[str, ...]:
             f"Where the fit came out, the full simulation is still {null.left:.1f} standard deviations of the noise "
             "(all readings together) from what was fitted: it did not come to rest."
         )
+    names = problem.program.parameters.names
     lengths = np.linalg.norm(null.directions[: len(problem.rows), : len(names)], axis=0)
     unseen = [name for name, one in zip(names, lengths, strict=True) if one < 1e-3 * np.max(lengths)]
     if unseen:

@@ -8,7 +8,13 @@ from jaxtyping import Float
 
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.decision import Refitted, decide
-from inverse.diagnosis.examination import Examined, extension_of, linear_strengths, visible_alternatives
+from inverse.diagnosis.examination import (
+    Examined,
+    extension_of,
+    in_white_noise,
+    linear_strengths,
+    visible_alternatives,
+)
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.fitting import HmiFit, moved_by
 from inverse.diagnosis.hmi.free_forms import hmi_free_forms
@@ -18,7 +24,7 @@ from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_ful
 from inverse.diagnosis.hmi.rough_fit import RoughFit, in_full, rough_fits
 from inverse.diagnosis.hmi.twin import spanning, twin_strength
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.screening import Alternative, Screen
+from inverse.diagnosis.screening import Alternative, Screen, independent, project_out
 
 
 def examine_hmi(
@@ -63,12 +69,14 @@ def examine_hmi(
 
     def extend(added: Sequence[Alternative], noise: Noise) -> Refitted:
         extensions = [extension_of(causes, one) for one in added]
-        refit = refits(extensions, noise, linear_strengths(added, residuals, fitted), False)
+        # Of the sign that was looked for: in other noise the other one may be the likelier.
+        strengths, signs = linear_strengths(added, residuals, fitted), np.array([one.sign for one in added])
+        refit = refits(extensions, noise, np.where(signs == 0, strengths, signs * np.abs(strengths)), False)
         inside = {one.name for one in added}
         # The other causes as they are without this one: to follow it they would take longer than all fits together.
         others = [one for one in found if one.name not in inside]
         # Outside of what is known of the simulation a fit is worth no more than one without the cause.
-        misfit = refit.misfit if refit.converged else max(refit.misfit, null.misfit)
+        misfit = refit.misfit if refit.converged else max(refit.misfit, _misfit_in(noise, residuals, fitted))
         return Refitted(refit.residuals, refit.directions, misfit, others, refit.converged)
 
     looked_for = [one.alternative for one in rough]
@@ -235,12 +243,14 @@ def _in_its_noise(null: HmiFit, family: Sequence[Noise], size: float) -> tuple[H
     if noise.is_white:
         return null, noise
     again = again_from(null, noise, size)
-    remark = (
-        f"In the likeliest kind of noise the fit without causes failed ({again.status}): the one in white noise stands."
-    )
     if again.converged:
         return again, noise
-    return dataclasses.replace(null, remarks=(*null.remarks, remark)), family[0]
+    return dataclasses.replace(null, remarks=(*null.remarks, in_white_noise(again.status))), family[0]
+
+
+def _misfit_in(noise: Noise, residuals, fitted) -> float:
+    """Sum of squares that the fit without causes leaves, in coordinates in which a noise is white."""
+    return float(np.sum(project_out(noise.whiten(residuals[:, None]), independent(noise.whiten(fitted))) ** 2))
 
 
 def noise_size(fit: HmiFit) -> float:

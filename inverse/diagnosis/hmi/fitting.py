@@ -11,6 +11,7 @@ from scipy import optimize, stats
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
+from inverse.diagnosis.limits import at_limit
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.regression import INTERVAL_LEVEL
 
@@ -34,11 +35,12 @@ class HmiFit:
         unknowns: Of the program.
         extensions: What was added, in the shapes that fit best.
         strengths: Of these.
-        intervals: Of the strengths at `INTERVAL_LEVEL`, from the curvature but for a fit that was `profiled`; one that
-            cannot be negative has no part below 0.
+        intervals: Of the strengths at `INTERVAL_LEVEL`, from the curvature but for a fit that was `profiled`, within
+            what strengths can be.
         residuals: Data less predicted: readings, weighted, each sonication's factor taken off, then what is believed of
             the constants, in units of the noise: a belief is one more datum, in tests as in the fit.
-        directions: Derivative of what is predicted of them in everything that was fitted, the factors last.
+        directions: Derivative of what is predicted of them in everything that was fitted, the factors last; but for
+            strengths and shapes at a limit that the data would pass, which can follow nothing any more.
         misfit: Sum of squares of the residuals in coordinates in which the noise is white: what the fit made least.
         freedom: Readings beyond what was taken from them. What is believed of a constant is no reading, and a constant
             that it alone tells takes none.
@@ -89,6 +91,8 @@ class Fitting:
         program = problem.program
         self.problem, self.program, self.extensions = problem, program, tuple(extensions)
         self.noise, self.size = noise.of_first(len(problem.rows)), size
+        # In coordinates in which the noise is white; it is as large as all readings together.
+        self.belief = size / self.noise.loudness
         self.strengths = np.array([program.place(e.cause.name) for e in extensions], dtype=int)
         self.shapes = self.strengths + len(program.causes)
         self.scales = np.array([e.cause.plausible for e in extensions])
@@ -184,19 +188,25 @@ class Fitting:
     def stacked(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " datum"]:
         """What is made least: readings, then how far constants are from what is believed of them."""
         data = self.free_of_factors(self.problem.residuals(unknowns)[:, None])[:, 0]
-        return np.concatenate([data, self.size * self.program.penalties(unknowns)])
+        return np.concatenate([data, self.belief * self.program.penalties(unknowns)])
 
     def stacked_slopes(
         self, plain: Float[np.ndarray, "row moved"], unknowns: Float[np.ndarray, " unknown"]
     ) -> Float[np.ndarray, "datum moved"]:
         """Its derivative in all that moves; `plain` is that of the weighted prediction."""
         data = -self.free_of_factors(plain)
-        return np.concatenate([data, self.size * self.program.penalty_slopes(unknowns)[:, self.moved]])
+        return np.concatenate([data, self.belief * self.program.penalty_slopes(unknowns)[:, self.moved]])
 
-    def _directions(self, plain, weighted, unknowns) -> Float[np.ndarray, "datum p"]:
-        slopes = self.size * self.program.penalty_slopes(unknowns)[:, self.moved]
+    def _directions(self, plain, weighted, unknowns, held) -> Float[np.ndarray, "datum p"]:
+        slopes = self.size * self.program.penalty_slopes(unknowns)[:, self.moved[~held]]
         believed = np.append(slopes, np.zeros((len(slopes), weighted.shape[1])), axis=1)
-        return np.append(np.append(plain, weighted, axis=1), believed, axis=0)
+        return np.append(np.append(plain[:, ~held], weighted, axis=1), believed, axis=0)
+
+    def _held_by_limits(self, unknowns, jacobian, data) -> Bool[np.ndarray, " moved"]:
+        """Which of the strengths and shapes are at a limit beyond which the fit would be better."""
+        lower, upper = (each[self.moved] for each in self.bounds())
+        outwards = at_limit(unknowns[self.moved], lower, upper, jacobian.T @ data)
+        return outwards & ~np.isin(self.moved, self.program.constants)
 
     def _result(self, unknowns, plain, success, status) -> HmiFit:
         jacobian = self.stacked_slopes(plain, unknowns)
@@ -214,8 +224,8 @@ class Fitting:
         errors[self.free] = math.sqrt(variance) * unit_errors[: len(self.free)]
         reach = float(stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, freedom))
         ends = unknowns[self.strengths, None] + reach * errors[:, None] * np.array([-1.0, 1.0])
-        one_sided = np.array([e.cause.sign > 0 for e in self.extensions], dtype=bool)
-        ends = np.where(one_sided[:, None], np.maximum(ends, 0.0), ends)
+        possible = np.array([e.cause.possible for e in self.extensions], dtype=float).reshape(-1, 2)
+        intervals = np.clip(ends * self.scales[:, None], possible[:, :1], possible[:, 1:])
         return HmiFit(
             problem=problem,
             unknowns=unknowns,
@@ -224,9 +234,9 @@ class Fitting:
                 for e, shape in zip(self.extensions, unknowns[self.shapes], strict=True)
             ),
             strengths=unknowns[self.strengths] * self.scales,
-            intervals=ends * self.scales[:, None],
+            intervals=intervals,
             residuals=np.append(raw - weighted @ factors, -self.size * believed),
-            directions=self._directions(plain, weighted, unknowns),
+            directions=self._directions(plain, weighted, unknowns, self._held_by_limits(unknowns, jacobian, data)),
             misfit=float(data @ data),
             freedom=freedom,
             variance=variance,
@@ -249,9 +259,13 @@ def moved_by(problem: HmiDiagnosisProblem, extensions: Sequence[Extension[HmiCau
 
 
 def _errors(jacobian: Float[np.ndarray, "n p"]) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " n"]]:
-    """Standard errors of all unknowns in noise of size 1, priors included; what was taken from every datum."""
-    lengths = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
-    basis, singular, directions = np.linalg.svd(jacobian / lengths, full_matrices=False)
+    """Standard errors of all unknowns in noise of size 1, priors included; what was taken from every datum.
+
+    What is not felt at all has no end of an error.
+    """
+    lengths = np.linalg.norm(jacobian, axis=0)
+    felt, errors = lengths > 1e-12 * np.max(lengths), np.full(len(lengths), np.inf)
+    basis, singular, directions = np.linalg.svd(jacobian[:, felt] / lengths[felt], full_matrices=False)
     kept = singular > 1e-9 * singular[0]
-    errors = np.sqrt(np.sum((directions[kept] / singular[kept, None]) ** 2, axis=0)) / lengths
+    errors[felt] = np.sqrt(np.sum((directions[kept] / singular[kept, None]) ** 2, axis=0)) / lengths[felt]
     return errors, np.sum(basis[:, kept] ** 2, axis=1)

@@ -1,7 +1,7 @@
 """Corrections of no name to curves of displacement: they tell where a model is wrong when no cause explains it."""
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from inverse.diagnosis.free_forms import COARSE, LENGTHS, Place, process
 from inverse.diagnosis.hmi.courses import HmiRows
@@ -41,7 +41,7 @@ def hmi_free_forms(rows: HmiRows, log_predicted: Float[np.ndarray, " row"]) -> t
             add(f"sonication-{label}", f"in sonication {label} alone, smoothly along temperature", own[one])
         add("each", "in each sonication in its own way, smoothly along temperature", np.concatenate(own, axis=1))
     for value in _shared(temperature, sonication):
-        at = (np.abs(temperature - value) < _SAME).astype(float)
+        at = _taken_at(temperature, value).astype(float)
         add(f"at-{value:.4g}", f"at {value:.3g} degC in all sonications", at[:, None])
     return found, places
 
@@ -53,6 +53,13 @@ def _mean_by(values, keys):
 
 def _shared(temperature: Float[np.ndarray, " row"], sonication) -> list[float]:
     """Temperatures at which two sonications or more were looked at."""
-    ordered = np.unique(temperature)
-    begins = ordered[np.concatenate([[True], np.diff(ordered) > _SAME])]
-    return [float(one) for one in begins if len(np.unique(sonication[np.abs(temperature - one) < _SAME])) > 1]
+    begins: list[float] = []
+    for one in np.unique(temperature).tolist():
+        # Each group begins where the last one ends, however close readings are.
+        if not begins or one - begins[-1] >= _SAME:
+            begins.append(one)
+    return [one for one in begins if len(np.unique(sonication[_taken_at(temperature, one)])) > 1]
+
+
+def _taken_at(temperature: Float[np.ndarray, " row"], begin: float) -> Bool[np.ndarray, " row"]:
+    return (temperature >= begin) & (temperature - begin < _SAME)

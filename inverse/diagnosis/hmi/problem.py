@@ -147,7 +147,7 @@ class HmiDiagnosisProblem:
         """Of readings, correlated in time in each sonication or larger from some temperature on; and of beliefs."""
         neighbours = series("time", self.rows.sonication.tolist(), self.rows.time)
         family = noise_family((neighbours,), self.rows.temperature, unit="degC")
-        return tuple(one.extended(len(self.program.start)) for one in family)
+        return tuple(one.extended(self.program.n_beliefs) for one in family)
 
 
 def farthest(cause: HmiCause) -> float:

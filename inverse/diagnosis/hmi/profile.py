@@ -126,6 +126,9 @@ class _End:
         """The strength there."""
         if self.limit <= 0.0:
             return self.best
+        if not math.isfinite(min(abs(self.near - self.best), self.limit)):
+            self.remark = "is not told by these data."
+            return self.near
         problem, settled = self.fit.problem, self.fit.problem.correction is None
         end = self._searched(problem, min(abs(self.near - self.best) or self.limit, self.limit))
         for number in range(_MOST_CORRECTIONS + 1):

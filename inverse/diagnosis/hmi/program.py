@@ -1,13 +1,15 @@
 """The compiled simulation of a set of courses, fast and full, with the derivatives of both."""
 
 import copy
+import functools
+import math
 from collections.abc import Callable, Iterator, Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from arfjax import Discretisation, FastCurve, Model
 from inverse.diagnosis.cause import Extension
@@ -25,6 +27,8 @@ _DIRECTIONS_AT_ONCE = 4
 
 _FLATTEST = 1e-3
 """Penalty a unit below which a prior is taken for flat."""
+_LOGISTIC = math.pi / math.sqrt(3.0)
+"""Standard deviation of the unconstrained number of a constant that is as likely anywhere in its range."""
 _HALVINGS = 6
 
 
@@ -120,11 +124,27 @@ class HmiProgram:
         """Places of the model's constants among the unknowns."""
         return 2 * len(self.causes) + np.arange(len(self.start))
 
-    @property
+    @functools.cached_property
     def spreads(self) -> Float[np.ndarray, " constant"]:
         """Change of each unconstrained constant that takes it one standard deviation of its prior away."""
-        slopes = self.penalty_slopes(self.null())[:, self.constants]
-        return 1.0 / np.maximum(np.linalg.norm(slopes, axis=0), _FLATTEST)
+        lengths = np.linalg.norm(self.penalty_slopes(self.null())[:, self.constants], axis=0)
+        return np.where(lengths > _FLATTEST, 1.0 / np.maximum(lengths, _FLATTEST), _LOGISTIC)
+
+    @functools.cached_property
+    def _believed(self) -> Bool[np.ndarray, " all_penalties"]:
+        """Which of the penalties there are; of a flat prior there is none."""
+        slopes = np.asarray(self._penalty_slopes(jnp.asarray(self.null())))
+        return np.linalg.norm(slopes, axis=1) > _FLATTEST
+
+    @property
+    def n_beliefs(self) -> int:
+        """How many constants something is believed of."""
+        return int(np.sum(self._believed))
+
+    @property
+    def names_of_beliefs(self) -> tuple[str, ...]:
+        """Of these constants."""
+        return tuple(name for name, any_is in zip(self.parameters.names, self._believed, strict=True) if any_is)
 
     def null(self) -> Float[np.ndarray, " unknown"]:
         """Unknowns without any cause, at the priors' middle."""
@@ -210,12 +230,12 @@ class HmiProgram:
             yield jnp.asarray(directions), len(part)
 
     def penalties(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " penalty"]:
-        """Distances of the constants from their priors' middle, in standard deviations."""
-        return np.asarray(self._penalties(jnp.asarray(unknowns)))
+        """Distances of the constants from their priors' middle, in standard deviations; none of flat priors."""
+        return np.asarray(self._penalties(jnp.asarray(unknowns)))[self._believed]
 
     def penalty_slopes(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "penalty unknown"]:
         """Their derivatives in the unknowns."""
-        return np.asarray(self._penalty_slopes(jnp.asarray(unknowns)))
+        return np.asarray(self._penalty_slopes(jnp.asarray(unknowns)))[self._believed]
 
     def excess(self, unknowns: Float[np.ndarray, " unknown"]) -> float:
         """How far the farthest state lies outside of what the fast model was trained on, above 1; covered up to 1."""

@@ -181,7 +181,8 @@ class _RoughFitting:
     def _change(self, value: Float[np.ndarray, " datum"]) -> Float[np.ndarray, " datum"]:
         """Of what is predicted, from the fit without causes on, but for what the sonications' factors can do."""
         readings, change = len(self._problem.rows), value - self._first
-        return np.append(-self._fitting.noise.colour(change[:readings, None])[:, 0], change[readings:])
+        noise = self._fitting.noise
+        return np.append(-noise.colour(change[:readings, None])[:, 0], noise.loudness * change[readings:])
 
     def _reach(self, effect: Effect, cause: HmiCause) -> float:
         """The strength that would be detected, in plausible ones, or the largest that is followed."""

@@ -68,9 +68,12 @@ def test_what_is_believed_of_constants_is_no_noise(wide):
 
 
 def test_too_few_replicates_for_a_level_are_refused():
-    require_level(0.05, 39)
-    with pytest.raises(InputError, match="`replicates` must be 39 or more"):
-        require_level(0.05, 38)
+    require_level(0.05, 199)
+    # Causes are ruled out at 1 %, whatever the level is.
+    with pytest.raises(InputError, match="`replicates` must be 199 or more to show a level of 0.01, got 39"):
+        require_level(0.05, 39)
+    with pytest.raises(InputError, match="`replicates` must be 399 or more to show a level of 0.005"):
+        require_level(0.005, 398)
 
 
 def test_lower_levels_have_more_replicates():

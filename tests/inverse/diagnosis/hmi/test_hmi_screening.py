@@ -264,7 +264,7 @@ def test_curves_without_and_with_a_cause_are_drawn_to_one_scale(problem):
 def test_report_of_correlated_noise_is_of_the_fit_in_that_noise(problem):
     """Refits with causes are weighed with it: beside them, the fit in white noise is another kind of fit."""
     hidden, _ = measured_with(problem, "", 0.0)
-    noise, rng = np.zeros(len(hidden.rows)), np.random.default_rng(3)
+    noise, rng = np.zeros(len(hidden.rows)), np.random.default_rng(5)
     for i in range(1, len(noise)):
         noise[i] = (0.9 * noise[i - 1] if i != len(noise) // 2 else 0.0) + 0.02 * rng.standard_normal()
     rows = dataclasses.replace(hidden.rows, log_displacement=hidden.rows.log_displacement + noise)
