@@ -35,6 +35,8 @@ from inverse.inference.experiment import InferenceSettings, inference_settings
 
 _FIRST_SIZE = 0.02
 """Relative deviation of a reading that a fit starts from, where the data do not give it."""
+_TRUSTED = 0.9
+"""Part of a reading's weight below which it is said that the mesh took the rest."""
 _AGREEMENT = 0.1
 """Of what fits from two starts make least, in units of one over the number of data, above which they differ."""
 LEAST_SPARE = 4
@@ -193,7 +195,11 @@ def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: C
         null = fit_in_full(problem, (), white, size=size, start=null.unknowns)
         if problem.rows.deviation is None:
             size = noise_size(null)
-            null = again_from(null, white, size)
+        on_step("full simulation on a finer mesh")
+        null = dataclasses.replace(null, problem=null.problem.trusted(null.unknowns, size))
+        null = again_from(null, white, size)
+        if problem.rows.deviation is None:
+            size = noise_size(null)
     return null, size, (*remarks, *fit_remarks(null))
 
 
@@ -220,6 +226,13 @@ def fit_remarks(null: HmiFit) -> tuple[str, ...]:
             "(all readings together) from what was fitted: it did not come to rest."
         )
     names = problem.program.parameters.names
+    if problem.trust is not None and np.min(problem.trust) < _TRUSTED:
+        rows, least = problem.rows, int(np.argmin(problem.trust))
+        remarks.append(
+            f"On a finer mesh the simulation comes out otherwise, most of all at {rows.temperature[least]:.0f} degC in "
+            f"sonication {rows.labels[rows.sonication[least]]}: {np.sum(problem.trust < _TRUSTED)} readings weigh less "
+            f"for it, that one {problem.trust[least]:.2f} of what its noise alone would give it."
+        )
     lengths = np.linalg.norm(null.directions[: len(problem.rows), : len(names)], axis=0)
     unseen = [name for name, one in zip(names, lengths, strict=True) if one < 1e-3 * np.max(lengths)]
     if unseen:

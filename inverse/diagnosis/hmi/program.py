@@ -49,6 +49,7 @@ class HmiProgram:
         state: State,
         causes: Sequence[HmiCause],
         fine: Discretisation,
+        finer: Discretisation | None = None,
     ) -> None:
         """Prepare; compilation happens at the first use.
 
@@ -59,10 +60,11 @@ class HmiProgram:
             state: The model that they are put into.
             causes: The library.
             fine: Of the full simulation, whose place the fast one takes.
+            finer: That tells how far the mesh of that is wrong; nothing is known of it without.
         """
         self.causes, self.parameters = tuple(causes), parameters
         self.courses, self._stacked = tuple(courses), together(courses)
-        self._simulated, self._others = (curve, state, fine), dict[tuple[HmiCause, ...], HmiProgram]()
+        self._simulated, self._others = (curve, state, fine, finer), dict[tuple[HmiCause, ...], HmiProgram]()
         self.start = np.asarray(parameters.start(state), dtype=float)
         scales = jnp.asarray([cause.plausible for cause in causes], dtype=float)
         count = len(self.causes)
@@ -80,6 +82,9 @@ class HmiProgram:
         def simulate(courses: Courses, unknowns: Array) -> Array:
             return log_reported(full, courses, *parts(unknowns))[0]
 
+        def simulate_finer(courses: Courses, unknowns: Array) -> Array:
+            return log_reported(FullSimulation(fine if finer is None else finer), courses, *parts(unknowns))[0]
+
         def linearise(courses: Courses, unknowns: Array, directions: Array) -> tuple[Array, Array]:
             return _linearised(lambda at: simulate(courses, at), unknowns, directions)
 
@@ -90,7 +95,7 @@ class HmiProgram:
             return _linearised(lambda at: predict(courses, at)[0], unknowns, directions)[1]
 
         self._predict, self._slopes = eqx.filter_jit(predict), eqx.filter_jit(slopes)
-        self._simulate = eqx.filter_jit(simulate)
+        self._simulate, self._simulate_finer = eqx.filter_jit(simulate), eqx.filter_jit(simulate_finer)
         self._linearise = eqx.filter_jit(linearise)
         self._penalties, self._penalty_slopes = jax.jit(penalties), jax.jit(jax.jacfwd(penalties))
         self._model = lambda unknowns: parts(jnp.asarray(unknowns))[0]
@@ -105,8 +110,8 @@ class HmiProgram:
         """The same courses with other causes, compiled once for all programs that are this one `on` other courses."""
         causes = tuple(causes)
         if causes not in self._others:
-            curve, state, fine = self._simulated
-            self._others[causes] = HmiProgram(curve, self.courses, self.parameters, state, causes, fine)
+            curve, state, fine, finer = self._simulated
+            self._others[causes] = HmiProgram(curve, self.courses, self.parameters, state, causes, fine, finer)
         return self._others[causes].on(self.courses)
 
     @property
@@ -204,6 +209,15 @@ class HmiProgram:
         for courses, rows in self._stacked:
             found[rows] = self._simulate(courses, jnp.asarray(unknowns))
         return found
+
+    def mesh_difference(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " row"]:
+        """What a finer mesh changes in the full simulation; 0 if none was given. Three simulations long."""
+        if self._simulated[3] is None:
+            return np.zeros(self.n_rows)
+        found = np.zeros(self.n_rows)
+        for courses, rows in self._stacked:
+            found[rows] = self._simulate_finer(courses, jnp.asarray(unknowns))
+        return found - self.simulate(unknowns)
 
     def linearise(
         self, unknowns: Float[np.ndarray, " unknown"], which: Sequence[int]

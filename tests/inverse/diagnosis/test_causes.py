@@ -10,7 +10,7 @@ from inverse.diagnosis.causes.slip import Slip
 from inverse.diagnosis.dma_problem import dma_problem
 from inverse.diagnosis.extended_fit import fit_extended
 from inverse.diagnosis.noise import noise_family
-from inverse.diagnosis.screening import independent, unit_columns, visibility
+from inverse.diagnosis.screening import Alternative, Screen, independent, unit_columns, visibility
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
 from tests.blind import dma_generator as blind
 
@@ -135,6 +135,11 @@ def test_a_strength_stays_within_what_it_can_be(tmp_path):
     held = fit_extended(problem, [Extension(Little(), 0.0)], noise, np.array([2.0 * Little.largest]))
     assert held.converged and held.strengths[0] == pytest.approx(Little.largest)
     assert held.intervals[0, 1] == pytest.approx(Little.largest) and held.misfit > free.misfit
+    # What it cannot follow any more is there to be found: its own direction is none of those that were fitted.
+    assert held.directions.shape[1] == free.directions.shape[1] - 1
+    own = Alternative("slip", free.directions[:, :1])
+    left = Screen(held.directions, [own], [noise]).statistics(held.residuals[:, None]).statistic[0, 0]
+    assert left > 3.0
     assert free.intervals[0, 1] < Slip.largest
     solids = ("power-law-relaxation", "slip", "strain-nonlinearity", "temperature-lag")
     assert all(cause.plausible < cause.largest <= 1.0 for cause in DMA_CAUSES if cause.name in solids)

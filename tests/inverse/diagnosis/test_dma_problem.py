@@ -156,3 +156,31 @@ def test_an_interval_holds_what_shapes_between_those_of_a_coarse_list_allow(tmp_
     # The ends are highest and lowest points of an ellipse over the shape, met to an eighth of its reach: to 4 % of the
     # width where shape and strength are correlated by 0.95.
     np.testing.assert_allclose(ends[9], ends[41], atol=0.05 * width)
+
+
+def test_a_fit_that_fails_in_the_likeliest_noise_is_not_used_and_that_is_said(tmp_path, monkeypatch):
+    file = tmp_path / "data.csv"
+    blind.write(file, tmp_path / "key.json", seed=19_000, noise="loud")
+    refit, begun = dma_examination.fit_extended, []
+
+    def lost(problem, extensions, *given, **named):
+        found = refit(problem, extensions, *given, **named)
+        if extensions:
+            return found
+        begun.append(found)
+        return dataclasses.replace(found, converged=False, status="too many steps")
+
+    monkeypatch.setattr(dma_examination, "fit_extended", lost)
+    problem, _ = dma_problem(read_dma(file), FRACTIONAL)
+    slip = [cause for cause in DMA_CAUSES if cause.name == "slip"]
+    found = dma_examination.examine_dma(problem, slip, np.random.default_rng(1))
+    assert len(begun) == 1 and "too many steps" in found.remarks[0]
+    np.testing.assert_array_equal(found.residuals, problem.residuals())
+
+
+def test_a_deviation_that_is_not_used_is_named():
+    sweep = np.geomspace(0.1, 100.0, 8)
+    both = dma_data(sweep, np.full(8, 20.0), np.stack([1e3 * sweep**0.2, 1e2 * sweep**0.1], axis=-1))
+    problem, _ = dma_problem(dataclasses.replace(both, modulus_magnitude_sd=np.full(8, 10.0)), FRACTIONAL, n_starts=2)
+    assert any("magnitude's standard deviation is not used" in note for note in problem.notes)
+    assert not problem.stated_deviations

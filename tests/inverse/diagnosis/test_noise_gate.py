@@ -45,7 +45,17 @@ def test_lack_of_fit_is_that_of_the_textbook(bend):
 def test_without_repeats_nothing_is_said_of_them():
     found = gate_of(np.random.default_rng(5).standard_normal(len(AT)))
     assert np.isnan(found.repeats) and np.isnan(found.p_repeats)
-    assert np.isnan(gate_of(np.random.default_rng(5).standard_normal(len(AT)), Repeats(0.0, 3)).p_repeats)
+    for scatter in (0.0, 1e-15):  # the same reading written again, up to rounding
+        again = gate_of(np.random.default_rng(5).standard_normal(len(AT)), Repeats(scatter, 3))
+        assert np.isnan(again.p_repeats) and again.as_thought
+
+
+@pytest.mark.parametrize(("size", "fits"), [(1.0, True), (0.3, False), (3.0, False)])
+def test_noise_that_is_smaller_than_stated_is_not_as_thought_either(size, fits):
+    data = size * np.random.default_rng(8).standard_normal(len(AT))
+    left = data - LINE @ np.linalg.lstsq(LINE, data)[0]
+    gate = noise_gate(Screen(LINE, (), FAMILY), left, np.random.default_rng(1), stated=True)
+    assert gate.as_thought == fits and ("times the stated" in gate.describe()) == (not fits)
 
 
 def test_the_likeliest_kind_is_called_the_noise_only_where_white_noise_is_improbable():

@@ -7,6 +7,7 @@ import pytest
 
 from arfjax import InputError, discretise
 from inverse.diagnosis.hmi.courses import hmi_rows, plan_courses, require_during
+from inverse.diagnosis.hmi.free_forms import _shared, _taken_at
 from inverse.diagnosis.hmi.prepare import _notes
 from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, curves
 
@@ -75,3 +76,14 @@ def test_times_after_the_sonication_are_refused_and_those_that_disagree_are_told
     assert not any("earlier" in note for note in usual) and any(
         "s earlier than the simulated" in note for note in early
     )
+
+
+def test_readings_at_one_temperature_have_a_correction_however_dense_they_are():
+    dense = np.tile(37.0 + 0.2 * np.arange(40), 3) + 0.01 * np.repeat([0.0, 1.0, 2.0], 40)
+    sonication = np.repeat([0, 1, 2], 40)
+    values = _shared(dense, sonication)
+    inside = np.stack([_taken_at(dense, value) for value in values])
+    # No reading is in two, and hardly any in none.
+    assert np.all(np.sum(inside, axis=0) <= 1) and np.mean(np.any(inside, axis=0)) > 0.9
+    usual = np.tile(37.0 + 2.0 * np.arange(14), 3)
+    assert _shared(usual, np.repeat([0, 1, 2], 14)) == sorted(set(usual))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from arfjax import simulate_heating
+from arfjax import discretise, simulate_heating
 from inverse.design.hmi_proposals import THERMOCOUPLE
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
@@ -20,11 +20,14 @@ from inverse.diagnosis.hmi.cause import OFF_AXIS_REACH, HmiCause
 from inverse.diagnosis.hmi.correction import Correction
 from inverse.diagnosis.hmi.diagnosis import fit_remarks
 from inverse.diagnosis.hmi.examination import Refits
-from inverse.diagnosis.hmi.prepare import hmi_problem_of
+from inverse.diagnosis.hmi.fitting import _errors
+from inverse.diagnosis.hmi.prepare import free_constants, hmi_problem_of
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.program import HmiProgram
 from inverse.diagnosis.hmi.refit import again_from, fit_hmi, fit_in_full
 from inverse.hmi_model import predict
+from inverse.inference.experiment import ParameterSection
+from inverse.inference.problem import State
 from tests.inverse.diagnosis.hmi.cases import (
     TEMPERATURES,
     at_strength,
@@ -298,3 +301,93 @@ def test_rim_has_no_less_than_no_lesion_and_no_more_than_all_of_it(problem):
         guess = np.array([3.0 * sign * cause.largest])
         fit = fit_hmi(measured, (Extension(cause, 0.0),), white(measured), size=1e-6, strengths=guess)
         assert np.isfinite(fit.misfit) and abs(fit.strengths[0]) <= cause.largest
+
+
+@pytest.mark.parametrize("which", ["white", "correlated", "louder"])
+def test_what_a_fit_makes_least_is_what_tests_look_at(problem, which):
+    """Residuals in coordinates in which the noise is white, beliefs among them, whatever the noise is."""
+    hidden, _ = measured_with(problem, DRIFT, 2.0, noise=0.01, seed=2)
+    kinds = {
+        "white": lambda one: one.is_white,
+        "correlated": lambda one: one.correlation == 0.4 and one.step == 1.0,
+        "louder": lambda one: one.correlation == 0.0 and one.step == 3.0,
+    }
+    noise = next(one for one in hidden.noise_family() if kinds[which](one))
+    fit = fit_hmi(hidden, (), noise, size=0.01)
+    assert np.sum(noise.whiten(fit.residuals[:, None]) ** 2) == pytest.approx(fit.misfit, rel=1e-9)
+    gradient = noise.whiten(fit.directions).T @ noise.whiten(fit.residuals[:, None])[:, 0]
+    scale = np.linalg.norm(noise.whiten(fit.directions), axis=0) * np.sqrt(fit.misfit)
+    assert np.max(np.abs(gradient) / scale) < 0.02
+
+
+def test_a_strength_at_its_largest_follows_nothing(problem):
+    hidden, _ = measured_with(problem, DRIFT, 3.0, noise=0.005, seed=1)
+    cause = next(cause for cause in problem.program.causes if cause.name == DRIFT)
+
+    class Little(type(cause)):
+        largest = 0.5 * cause.plausible
+
+    free, held = (fit_hmi(hidden, (Extension(one, 0.0),), white(hidden), size=0.005) for one in (cause, Little()))
+    assert held.converged and held.strengths[0] == pytest.approx(Little.largest, rel=1e-3)
+    assert held.intervals[0, 1] <= Little.largest < free.intervals[0, 1]
+    assert held.directions.shape[1] == free.directions.shape[1] - 1
+
+
+def test_what_is_not_felt_has_no_end_of_an_error():
+    jacobian = np.column_stack([np.linspace(0.0, 1.0, 8), np.zeros(8), np.ones(8)])
+    errors, taken = _errors(jacobian)
+    both = np.linalg.inv(jacobian[:, [0, 2]].T @ jacobian[:, [0, 2]])
+    np.testing.assert_allclose(errors, [np.sqrt(both[0, 0]), np.inf, np.sqrt(both[1, 1])])
+    assert np.sum(taken) == pytest.approx(2.0)
+
+
+def test_nothing_is_believed_of_a_constant_with_a_flat_prior(prepared, described, settings):
+    place = "model.lesion.viscoelasticity.branch_modulus.value"
+    kinds = {
+        "flat": {"kind": "log-uniform", "lower": 1e2, "upper": 1e5, "source": "test"},
+        "believed": {"kind": "log-normal", "log_sd": 0.5, "source": "test"},
+    }
+    for kind, prior in kinds.items():
+        one = ParameterSection(name="lesion_stiffness", place=place, unit="Pa", prior=prior)
+        own = settings.model_copy(update={"parameters": (one,)})
+        parameters = free_constants(described, own)
+        program = HmiProgram(
+            prepared.fast.curve, (), parameters, State(prepared.model, {}), HMI_CAUSES[:1], prepared.fine
+        )
+        assert program.n_beliefs == len(program.names_of_beliefs) == (kind == "believed")
+        assert program.penalty_slopes(program.null()).shape == (program.n_beliefs, program.n_unknowns)
+        assert len(program.penalties(program.null())) == program.n_beliefs
+        # Another start is somewhere in the range, not at its end.
+        assert 0.1 < program.spreads[0] < 3.0
+
+
+@pytest.mark.slow
+def test_a_finer_mesh_differs_by_what_another_simulation_on_it_does(prepared, problem):
+    states = problem.program.courses
+    finer = discretise(prepared.model, refinement=0.7)
+    finer = dataclasses.replace(prepared.fine, mesh=finer.mesh)
+    of = (prepared.fast.curve, states, prepared.parameters, State(prepared.model, {}), HMI_CAUSES[:1])
+    program, other = HmiProgram(*of, prepared.fine, finer), HmiProgram(*of, finer)
+    at = program.null()
+    difference = program.mesh_difference(at)
+    np.testing.assert_allclose(difference, other.simulate(at) - program.simulate(at), atol=1e-12)
+    assert np.max(np.abs(difference)) > 1e-4
+    np.testing.assert_array_equal(other.mesh_difference(at), np.zeros(other.n_rows))
+
+
+def test_a_reading_that_the_mesh_is_wrong_at_weighs_less(problem, monkeypatch):
+    count, sonication = len(problem.rows), problem.rows.sonication
+    difference = np.where(sonication == 0, 0.3, 0.0)
+    hot = np.flatnonzero(sonication == 1)[-1]
+    difference[hot] = 0.03
+    monkeypatch.setattr(problem.program, "mesh_difference", lambda _: difference, raising=False)
+    trusted = problem.trusted(problem.program.null(), 0.01)
+    expected = np.ones(count)
+    # A difference in all readings of a sonication is none; neighbours in temperature share one.
+    expected[hot - 1 : hot + 1] = 1.0 / np.sqrt(1.0 + 9.0 * np.array([1.0, 2.0]) / 3.0)
+    np.testing.assert_allclose(trusted.weights, expected)
+    stated = dataclasses.replace(problem, rows=dataclasses.replace(problem.rows, deviation=np.full(count, 0.02)))
+    np.testing.assert_allclose(stated.trusted(problem.program.null(), 0.5).weights, 50.0 * expected)
+    unknown = np.where(np.arange(count) == 3, np.nan, 0.0)
+    monkeypatch.setattr(problem.program, "mesh_difference", lambda _: unknown, raising=False)
+    np.testing.assert_array_equal(problem.trusted(problem.program.null(), 0.01).weights, np.ones(count))
