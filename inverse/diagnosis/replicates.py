@@ -41,7 +41,8 @@ def drawn_anew(
 def width_of_beliefs(noise: Noise, fitted: Float[np.ndarray, "n p"], residuals: Float[np.ndarray, " n"]) -> float:
     """Standard deviation of what is believed of constants as it came out, where that of readings is 1."""
     values, width = _values_and_width(noise, fitted, residuals)
-    return width / float(np.sqrt(np.mean(values**2)))
+    size = float(np.sqrt(np.mean(values**2)))
+    return width / size if size > 0.0 else 1.0
 
 
 def _values_and_width(noise: Noise, fitted, residuals) -> tuple[Float[np.ndarray, " reading"], float]:
