@@ -16,7 +16,7 @@ from inverse.diagnosis.examination import (
     visible_alternatives,
 )
 from inverse.diagnosis.hmi.cause import HmiCause
-from inverse.diagnosis.hmi.fitting import HmiFit, moved_by
+from inverse.diagnosis.hmi.fitting import Fitting, HmiFit, moved_by
 from inverse.diagnosis.hmi.free_forms import hmi_free_forms
 from inverse.diagnosis.hmi.problem import Effect, HmiDiagnosisProblem
 from inverse.diagnosis.hmi.profile import profiled
@@ -146,7 +146,7 @@ class Refits:
 
     def _first(self, extensions, noise, start) -> HmiFit:
         problem, unknowns = self.null.problem, self.null.unknowns
-        if len(extensions) == 1 and (rough := self._rough(extensions[0], start[0])) is not None:
+        if len(extensions) == 1 and (rough := self._rough(extensions[0], start[0], noise)) is not None:
             return self._from(rough.unknowns, rough.strength, extensions[0], noise)
         if (single := self._single(extensions)) is not None:
             problem, unknowns = single.problem, single.unknowns
@@ -185,13 +185,16 @@ class Refits:
         twin = twin if lower <= ends.strengths[0] <= upper else ends
         return found if lower <= twin.strengths[0] <= upper else spanning(found, twin)
 
-    def _rough(self, extension: Extension, strength: float) -> RoughFit | None:
-        """The rough fit along whose way the extension was tested: of its shape, and with the sign that it goes with."""
-        for fit in self._starts:
-            named = (fit.alternative.name, fit.shape) == (extension.cause.name, extension.shape)
-            if named and fit.strength * strength > 0.0:
-                return fit
-        return None
+    def _rough(self, extension: Extension, strength: float, noise: Noise) -> RoughFit | None:
+        """The best rough fit along whose way it was tested: of its shape, and with the sign that it goes with."""
+        named = (extension.cause.name, extension.shape)
+        mine = [fit for fit in self._starts if (fit.alternative.name, fit.shape) == named]
+        fitting = Fitting(self.null.problem, (), noise, self._size)
+        return min(
+            (fit for fit in mine if fit.strength * strength > 0.0),
+            key=lambda fit: float(np.sum(fitting.stacked(fit.unknowns) ** 2)),
+            default=None,
+        )
 
     def _single(self, extensions: Sequence[Extension]) -> HmiFit | None:
         """The better fit of one of two extensions alone."""
@@ -227,13 +230,20 @@ def rough_fits_of(
         size: Of the noise, in units of the weights: what the priors count against.
         corrected: Whether the full simulation is asked at all.
     """
-    spread = noise_size(null)
-    if not corrected:
-        return rough_fits(null, noise, effects, size=size, spread=spread)
-    plain = dataclasses.replace(null.problem, correction=None)
-    # Wherever it comes out: a way is one to look along, and what comes of it is asked of the full simulation.
-    begun = fit_hmi(plain, (), noise, size=size, start=null.unknowns)
-    return in_full(rough_fits(begun, noise, effects, size=size, spread=spread), begun, null, family, size)
+    spread, plain = noise_size(null), dataclasses.replace(null.problem, correction=None)
+    found: list[tuple[HmiFit, list[RoughFit]]] = []
+    # In white noise, too: what is likeliest without the cause is the noise that leaves it least to explain.
+    for kind in [noise] if noise.is_white else [noise, family[0]]:
+        if corrected:
+            # Wherever it comes out: a way is one to look along, and what comes of it is asked of the full simulation.
+            begun = fit_hmi(plain, (), kind, size=size, start=null.unknowns)
+        else:
+            begun = null if kind is noise else again_from(null, kind, size)
+        since = found[0][0] if found else begun
+        fits = rough_fits(begun, kind, effects, size=size, spread=spread, since=since)
+        # Of an effect without a fit there is one way, whatever the noise.
+        found.append((begun, [one for one in fits if kind is noise or np.isfinite(one.misfit)]))
+    return in_full(found, null, family, size) if corrected else [one for _, fits in found for one in fits]
 
 
 def _in_its_noise(null: HmiFit, family: Sequence[Noise], size: float) -> tuple[HmiFit, Noise]:
