@@ -85,7 +85,7 @@ def test_what_the_fit_leaves_of_an_effect_turns_little_from_shape_to_shape(probl
             assert np.all(cosines > 0.7), (cause.name, sign, cosines)
 
 
-@pytest.mark.parametrize(("name", "strength"), [(LAG, 0.25), (LAG, 1.0), ("damage-law", 0.3)])
+@pytest.mark.parametrize(("name", "strength"), [(LAG, 0.25), (LAG, 2.0), ("damage-law", 0.3)])
 def test_screening_looks_along_the_way_to_the_fit_with_the_cause(problem, name, strength):
     """About the fit without a lag its effect says next to nothing; beliefs hold constants back in tests as in fits."""
     hidden, null, effects, rough = looked_for_in(problem, name, strength, 0.005)
@@ -101,7 +101,7 @@ def test_screening_looks_along_the_way_to_the_fit_with_the_cause(problem, name, 
     # A straight way comes at least as near to the data as where it leads: it is nearest to them somewhere on it.
     assert effect < gained and way > roughly
     # A tenth less of the gain is a twentieth of t: no more than a fifth of t's standard error where t is 4.5. (A lag of
-    # a second, t = 24, is too much for eight steps without new derivatives: they end at 74 % of the gain.)
+    # two seconds, t = 47, is too much for eight steps without new derivatives: they end at 53 % of the gain.)
     assert null.misfit - best.misfit > 0.9 * (null.misfit - fit.misfit)
     # The way from one fit to the other, but for the factors of the sonications.
     basis = np.linalg.qr(hidden.factors)[0]
