@@ -189,7 +189,8 @@ class Refits:
         """The best rough fit along whose way it was tested: of its shape, and with the sign that it goes with."""
         named = (extension.cause.name, extension.shape)
         mine = [fit for fit in self._starts if (fit.alternative.name, fit.shape) == named]
-        fitting = Fitting(self.null.problem, (), noise, self._size)
+        # By the fast simulation as it is, as they were made: a correction about the null fit is not for where they are.
+        fitting = Fitting(dataclasses.replace(self.null.problem, correction=None), (), noise, self._size)
         return min(
             (fit for fit in mine if fit.strength * strength > 0.0),
             key=lambda fit: float(np.sum(fitting.stacked(fit.unknowns) ** 2)),

@@ -14,6 +14,7 @@ from inverse.diagnosis.diagnosis import failed
 from inverse.diagnosis.hmi import diagnosis as hmi_diagnosis
 from inverse.diagnosis.hmi import examination
 from inverse.diagnosis.hmi.account import HmiAccount
+from inverse.diagnosis.hmi.correction import Correction
 from inverse.diagnosis.hmi.diagnosis import diagnose_curves
 from inverse.diagnosis.hmi.examination import Refits, noise_size
 from inverse.diagnosis.hmi.fitting import Fitting, moved_by
@@ -159,6 +160,15 @@ def test_causes_are_fitted_in_white_noise_too_where_another_kind_is_likeliest(pr
         refits = Refits(near, family, size=size, corrected=False, starts=(first, second))
         refits([Extension(named(DRIFT), first.shape)], kind, np.array([0.05]), False)
         np.testing.assert_array_equal(begun[-1], better.unknowns)
+    # Better by the fast simulation: a correction to the full one is right about the fit without causes alone.
+    constants = hidden.program.constants
+    columns = hidden.rows.temperature[:, None] * np.ones(len(constants))
+    off = Correction(second.unknowns, np.zeros(len(hidden.rows)), constants, columns)
+    near = dataclasses.replace(near, problem=dataclasses.replace(hidden, correction=off))
+    Refits(near, family, size=size, corrected=False, starts=(first, second))(
+        [Extension(named(DRIFT), first.shape)], noise, np.array([0.05]), False
+    )
+    np.testing.assert_array_equal(begun[-1], first.unknowns)
 
 
 def test_refit_of_a_bad_first_guess_begins_where_the_rough_fit_is(problem):
