@@ -80,7 +80,8 @@ def rough_fits(
 ) -> list[RoughFit]:
     """Of the cause of each effect, in its shape and with its sign.
 
-    Where no tissue is met that goes with a detectable strength, the effect is what is looked along.
+    Where no tissue is met that goes with a detectable strength, the effect is what is looked along. The best of the few
+    causes that fit best go on with new derivatives from where they came out.
 
     Args:
         begun: The fit without causes.
