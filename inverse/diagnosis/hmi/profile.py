@@ -14,7 +14,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from inverse.diagnosis.hmi.fitting import INTERVAL_LEVEL, HmiFit, moved_by
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.hmi.cause import HmiCause
+from inverse.diagnosis.hmi.fitting import INTERVAL_LEVEL, Fitting, HmiFit, moved_by
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import SETTLED, fit_hmi, fit_in_full
 from inverse.diagnosis.noise import Noise
@@ -72,14 +74,31 @@ def _is_better(trial: HmiFit | None, fit: HmiFit) -> bool:
 
 def _ends(fit: HmiFit, noise: Noise, size: float) -> tuple[HmiFit, HmiFit | None]:
     """The fit with its intervals, and the best trial on the way to their ends."""
+    responses = _responses(fit, noise, size)
     searches = [
-        _End(fit, which, direction, noise, size) for which in range(len(fit.extensions)) for direction in (-1.0, 1.0)
+        _End(fit, which, direction, noise, size, direction * response)
+        for which, response in enumerate(responses)
+        for direction in (-1.0, 1.0)
     ]
     ends = np.array([search.found() for search in searches]).reshape(-1, 2)
     remarks = tuple(f"{search.words} {search.remark}" for search in searches if search.remark)
     trials = [trial for search in searches for trial in search.tried]
     found = _with_remarks(dataclasses.replace(fit, intervals=ends), *remarks)
     return found, min(trials, key=lambda one: one.misfit, default=None)
+
+
+def _responses(fit: HmiFit, noise: Noise, size: float) -> list[Float[np.ndarray, " unknown"]]:
+    """How all that is fitted follows each strength, by the unit of it, as the derivatives at the fit have it."""
+    fitting = Fitting(fit.problem, fit.extensions, noise, size)
+    moved = fitting.moved
+    columns = fitting.stacked_slopes(fit.problem.slopes(fit.unknowns, moved.tolist()), fit.unknowns)
+    found = []
+    for place, scale in zip(fitting.strengths, fitting.scales, strict=True):
+        held = moved == place
+        response = np.zeros(len(fit.unknowns))
+        response[moved[~held]] = -np.linalg.lstsq(columns[:, ~held], columns[:, held][:, 0], rcond=1e-9)[0] / scale
+        found.append(response)
+    return found
 
 
 def _anew(fit: HmiFit, trial: HmiFit | None, noise: Noise, size: float) -> HmiFit | None:
@@ -105,14 +124,24 @@ class Trial:
 class _End:
     """The search for one end: which strength, and whether below its estimate (-1) or above (1)."""
 
-    def __init__(self, fit: HmiFit, which: int, direction: float, noise: Noise, size: float) -> None:
+    def __init__(
+        self,
+        fit: HmiFit,
+        which: int,
+        direction: float,
+        noise: Noise,
+        size: float,
+        response: Float[np.ndarray, " unknown"],
+    ) -> None:
+        """Prepare; `response` is how the unknowns follow a unit in that direction."""
+        self.response = response
         self.fit, self.which, self.direction, self.noise, self.size = fit, which, direction, noise, size
         self.best = float(fit.strengths[which])
         self.near = float(fit.intervals[which, int(direction > 0)])
         reach = float(stats.t.ppf(0.5 + 0.5 * INTERVAL_LEVEL, fit.freedom))
         self.bound = math.sqrt(fit.variance) * reach
         self.limit = self._limit()
-        self.start = fit.unknowns
+        self.known = {0.0: fit.unknowns}
         self.tried: list[HmiFit] = []
         self.remark = ""
 
@@ -138,7 +167,6 @@ class _End:
             if settled or number == _MOST_CORRECTIONS:
                 break
             problem = problem.corrected_at(end.unknowns, moved_by(problem, self.fit.extensions))
-            self.start = end.unknowns
             again = self._searched(problem, end.step) if _is_finite(problem) else None
             if again is None:
                 break
@@ -162,20 +190,43 @@ class _End:
         fit, strength = self.fit, self.best + self.direction * step
         strengths: Float[np.ndarray, " extension"] = fit.strengths.copy()
         strengths[self.which] = strength
-        cause, unknowns = fit.extensions[self.which].cause, self.start.copy()
-        unknowns[problem.program.place(cause.name)] = strength / cause.plausible
-        if not np.all(np.isfinite(problem.predict(unknowns))):
+        start = self._start(problem, step, strength / fit.extensions[self.which].cause.plausible)
+        if start is None:
             return None
         # Whether the full simulation agrees is asked at the end alone.
         found = fit_hmi(
-            problem, fit.extensions, self.noise, size=self.size, start=self.start, strengths=strengths,
+            problem, self._shaped(start), self.noise, size=self.size, start=start, strengths=strengths,
             held=(self.which,), anywhere=True,
         )  # fmt: skip
         if not found.converged:
             return None
         self.tried.append(found)
+        self.known[step] = found.unknowns
         risen = math.sqrt(max(found.misfit - fit.misfit, 0.0)) / self.bound
         return Trial(step, risen, found.unknowns)
+
+    def _start(
+        self, problem: HmiDiagnosisProblem, step: float, strength: float
+    ) -> Float[np.ndarray, " unknown"] | None:
+        """Unknowns on the line through the two trials next to a step, or at the nearest; None if neither can be."""
+        first, second = self._nearest(step)
+        along = (step - first[0]) / (second[0] - first[0])
+        for unknowns in (first[1] + along * (second[1] - first[1]), first[1].copy()):
+            unknowns[problem.program.place(self.fit.extensions[self.which].cause.name)] = strength
+            if np.all(np.isfinite(problem.predict(unknowns))):
+                return unknowns
+        return None
+
+    def _shaped(self, unknowns: Float[np.ndarray, " unknown"]) -> tuple[Extension[HmiCause], ...]:
+        """The extensions in the shapes that are among the unknowns."""
+        program = self.fit.problem.program
+        count, causes = len(program.causes), [extension.cause for extension in self.fit.extensions]
+        return tuple(Extension(cause, float(unknowns[count + program.place(cause.name)])) for cause in causes)
+
+    def _nearest(self, step: float) -> list[tuple[float, Float[np.ndarray, " unknown"]]]:
+        """The two nearest trials, the estimate among them; before there is any, what the fit's derivatives say."""
+        known = sorted(self.known.items(), key=lambda one: abs(one[0] - step))
+        return known[:2] if len(known) > 1 else [known[0], (1.0, known[0][1] + self.response)]
 
 
 def _is_finite(problem: HmiDiagnosisProblem) -> bool:

@@ -9,7 +9,7 @@ from scipy import stats
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.examination import Refits, noise_size
-from inverse.diagnosis.hmi.fitting import moved_by
+from inverse.diagnosis.hmi.fitting import Fitting, moved_by
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import fit_hmi, fit_in_full
 from inverse.diagnosis.hmi.twin import spanning, twin_strength
@@ -39,6 +39,25 @@ def test_at_the_ends_of_a_profile_the_likelihood_has_fallen_to_the_bound(problem
         risen = (held.misfit - fit.misfit) / bound
         assert abs(risen - 1.0) < 0.11 if end > 0.0 else risen < 1.11
     assert by_profile.intervals[0, 1] > fit.strengths[0] > by_profile.intervals[0, 0]
+
+
+def test_trials_of_a_profile_begin_next_to_where_they_end(problem, monkeypatch):
+    """What is fitted follows the strength: where it stayed, trials began 91 squared standard deviations higher."""
+    noise, begun = 0.002, []
+    fit = fitted_with(problem, DRIFT, 2.0, noise, seed=4)
+    fitting = Fitting(fit.problem, fit.extensions, white(fit.problem), noise)
+
+    def recorded(*arguments, start, **others):
+        found = fit_hmi(*arguments, start=start, **others)
+        at = start.copy()
+        at[fitting.strengths] = found.unknowns[fitting.strengths]
+        begun.append((np.sum(fitting.stacked(at) ** 2) - found.misfit) / fit.variance)
+        return found
+
+    monkeypatch.setattr("inverse.diagnosis.hmi.profile.fit_hmi", recorded)
+    profiled(fit, white(fit.problem), noise)
+    # The bound is 4, and what bends a tenth of it at most.
+    assert len(begun) >= 2 and max(begun) < 0.4
 
 
 def test_profile_of_what_is_not_there_begins_at_nothing(problem):
