@@ -23,10 +23,12 @@ class HmiAccount:
     Attributes:
         problem: Data and simulation.
         null: The fit without causes.
+        seed: Of what is drawn for it.
     """
 
     problem: HmiDiagnosisProblem
     null: HmiFit
+    seed: int = 0
 
     @property
     def model(self) -> str:
@@ -72,7 +74,7 @@ class HmiAccount:
 
     @functools.cached_property
     def _links(self) -> tuple[Absorbed, ...]:
-        return absorbed_by_links(self.null, self.problem.noise_family())
+        return absorbed_by_links(self.null, self.problem.noise_family(), np.random.default_rng(self.seed))
 
     def _simulated(self, fit: HmiFit) -> list[Curve]:
         return self._curves(self.problem.rows.log_displacement - fit.of_readings / self.problem.weights)

@@ -127,13 +127,14 @@ def diagnose_curves(
     problem = null.problem
     if not null.converged:
         remark = f"the fit without causes: {null.status}."
-        return failed(HmiAccount(problem, null), problem, null.of_readings, [remark, *audit], level=level, seed=seed)
+        account = HmiAccount(problem, null, seed)
+        return failed(account, problem, null.of_readings, [remark, *audit], level=level, seed=seed)
     on_step("testing all causes")
     rng = np.random.default_rng(seed)
     examined = examine_hmi(causes, null, rng, size=size, corrected=corrected, level=level, replicates=replicates)
     assert isinstance(examined.fit, Refits)
     # In the kind of noise that the tests go by, as refits with causes are.
-    account = HmiAccount(examined.fit.null.problem, examined.fit.null)
+    account = HmiAccount(examined.fit.null.problem, examined.fit.null, seed)
 
     def worth(extended: FullFit, noise: Noise) -> Gain | None:
         assert isinstance(extended, HmiFit)

@@ -99,12 +99,13 @@ def slopes_of_links(
     return {words: np.stack([one[:, i] for one in found], axis=-1) for i, words in enumerate(_LINKS)}
 
 
-def absorbed_by_links(null: HmiFit, family: Sequence[Noise]) -> tuple[Absorbed, ...]:
+def absorbed_by_links(null: HmiFit, family: Sequence[Noise], rng: np.random.Generator) -> tuple[Absorbed, ...]:
     """What a smooth correction in each link takes of the misfit of the fit without causes, the most first.
 
     Args:
         null: That fit.
         family: Noise members, white first.
+        rng: For replicates.
     """
     rows, problem = null.problem.rows, null.problem
     waves = process(rows.temperature, COARSE)
@@ -115,7 +116,7 @@ def absorbed_by_links(null: HmiFit, family: Sequence[Noise]) -> tuple[Absorbed, 
         directions = np.pad(problem.weights[:, None] * felt, [(0, believed), (0, 0)])
         forms.append(Alternative(words, directions))
         places.append(Place(words, words))
-    screen, rng = Screen(null.directions, forms, family), np.random.default_rng(0)
+    screen = Screen(null.directions, forms, family)
     free = np.ones(len(screen.alternatives), dtype=bool)
     tested = evidence(screen, null.residuals, rng, free, 1.0, REPLICATES, averaged=True)
     found = absorbed_by_places(tested, places, null.residuals, null.directions)

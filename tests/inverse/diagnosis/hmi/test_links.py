@@ -7,8 +7,9 @@ import pytest
 
 from inverse.diagnosis.free_forms import COARSE, process
 from inverse.diagnosis.hmi import links
+from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.cause import HmiCause
-from inverse.diagnosis.hmi.links import absorbed_by_links, slopes_of_links
+from inverse.diagnosis.hmi.links import slopes_of_links
 from inverse.diagnosis.hmi.refit import fit_hmi
 from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, measured_with, white
 
@@ -71,9 +72,16 @@ def test_programs_of_other_causes_are_compiled_once(problem):
 def test_what_is_hidden_in_a_link_is_taken_by_it(problem, cause, links_of_it, not_of_it):
     """Two of which it is so. A smooth effect in the lesion's moduli is not told from one in the liver's (docs)."""
     hidden, _ = measured_with(problem, cause, 1.0, noise=0.003, seed=14)
-    found = absorbed_by_links(fit_hmi(hidden, (), white(hidden), size=0.003), hidden.noise_family())
+    null = fit_hmi(hidden, (), white(hidden), size=0.003)
+    found = HmiAccount(hidden, null, seed=1).links()
     share = {one.words: one.share for one in found}
     assert [one.share for one in found] == sorted(share.values(), reverse=True)
     assert max(share[one] for one in links_of_it) > 0.95 * found[0].share > 0.4
     assert all(share[one] < 0.75 * found[0].share for one in not_of_it)
     assert min(one.p_family for one in found) < 0.05
+
+
+def test_what_links_take_is_drawn_with_the_seed_of_the_diagnosis(problem):
+    null = fit_hmi(problem, (), white(problem), size=0.003)
+    first, again, other = ([one.p_family for one in HmiAccount(problem, null, seed=seed).links()] for seed in (1, 1, 2))
+    assert first == again != other
