@@ -212,6 +212,7 @@ def conclude(
     level: float,
     seed: int,
     replicates: int,
+    followed: int | None = None,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Refit what was found, measure its gain, and look at noise and remainder.
@@ -228,6 +229,8 @@ def conclude(
         level: Of the omnibus test.
         seed: Of every random number, for the record.
         replicates: Of noise alone.
+        followed: How many of the causes that stay possible, those that fit best, have the ends of their intervals
+            searched for beside what was found; all, if not said.
         on_step: Told what is being done.
     """
     decision = _with_dominant(examined)
@@ -245,7 +248,10 @@ def conclude(
         directions, left = extended.directions, extended.residuals
     on_step("refitting what else is possible")
     spread = Regression(left, directions, noise).size
-    reports = _reports(examined, decision, extended, Regression(examined.residuals, examined.fitted, noise), spread)
+    settled = [n for n in decision.candidates if n in decision.possible and n not in decision.unsettled]
+    sought = settled[:followed]
+    alone = Regression(examined.residuals, examined.fitted, noise)
+    reports = _reports(examined, decision, extended, alone, spread, sought)
     gate = noise_gate(
         Screen(directions, (), examined.family), left, rng,
         stated=account.stated_deviations, repeats=repeats, replicates=replicates,
@@ -266,9 +272,21 @@ def conclude(
         places=absorbed_by_places(decision.last, examined.places, left, directions),
         extended=extended,
         gain=worth,
-        audit=tuple(audit),
+        audit=(*audit, *_of_curvature(settled, sought, added)),
         seed=seed,
     )
+
+
+def _of_curvature(settled: Sequence[str], sought: Sequence[str], added: Sequence[Extension]) -> list[str]:
+    """That some intervals are what the curvature of a fit says."""
+    inside = {extension.cause.name for extension in added}
+    others = [name for name in settled if name not in sought and name not in inside]
+    if not others:
+        return []
+    return [
+        f"Intervals of {', '.join(others)} are what the curvature at their fits says; the ends of those of the causes "
+        "that fit best were searched for."
+    ]
 
 
 def _with_dominant(examined: Examined) -> Decision:
@@ -301,7 +319,12 @@ def _chosen(examined: Examined, decision: Decision) -> tuple[Extension, ...]:
 
 
 def _reports(
-    examined: Examined, decision: Decision, extended: FullFit | None, ended: Regression, spread: float
+    examined: Examined,
+    decision: Decision,
+    extended: FullFit | None,
+    ended: Regression,
+    spread: float,
+    sought: Sequence[str],
 ) -> tuple[CauseReport, ...]:
     """Every cause that the data can see, in rank order.
 
@@ -311,6 +334,7 @@ def _reports(
         extended: The refit with what was found.
         ended: The fit without causes in the noise that the verdict ends with.
         spread: Standard deviation of the residuals that the verdict's model leaves, in that noise.
+        sought: Causes whose intervals' ends are searched for.
     """
     names = list(dict.fromkeys(alternative.name for alternative in examined.seen))
     return tuple(
@@ -320,13 +344,14 @@ def _reports(
             extended,
             name,
             DETECTABLE * spread / ended.length(examined.effect(name).directions[:, 0]),
+            name in sought,
         )
         for name in decision.ranked(names)
     )
 
 
 def _report(
-    examined: Examined, decision: Decision, extended: FullFit | None, name: str, detectability: float
+    examined: Examined, decision: Decision, extended: FullFit | None, name: str, detectability: float, is_sought: bool
 ) -> CauseReport:
     extension, row = examined.extension(name), examined.row(name)
     tested = examined.alternative(name)
@@ -341,8 +366,7 @@ def _report(
     refit, which = (extended, inside.index(name)) if name in inside else (None, 0)
     if refit is None and name in decision.candidates:
         noise = examined.family[decision.tests[name].null_noise]
-        kept = name in decision.possible and name not in decision.unsettled
-        refit = examined.fit((extension,), noise, examined.linear_strengths((extension,)), kept)
+        refit = examined.fit((extension,), noise, examined.linear_strengths((extension,)), is_sought)
     if refit is not None:
         estimate, converged = float(refit.strengths[which]), refit.converged
         interval = refit.intervals[which].tolist()

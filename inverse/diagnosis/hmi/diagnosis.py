@@ -37,6 +37,8 @@ _FIRST_SIZE = 0.02
 """Relative deviation of a reading that a fit starts from, where the data do not give it."""
 _TRUSTED = 0.9
 """Part of a reading's weight below which it is said that the mesh took the rest."""
+_FOLLOWED = 3
+"""Causes whose intervals' ends are searched for, half a minute to three each: a true one is hardly ever beyond them."""
 _AGREEMENT = 0.1
 """Of what fits from two starts make least, in units of one over the number of data, above which they differ."""
 LEAST_SPARE = 4
@@ -142,7 +144,8 @@ def diagnose_curves(
 
     found = conclude(
         examined, account, account.problem, rng, audit=audit, axes=_axes(problem), repeats=None,
-        gain=worth if gain else None, level=level, seed=seed, replicates=replicates, on_step=on_step,
+        gain=worth if gain else None, level=level, seed=seed, replicates=replicates, followed=_FOLLOWED,
+        on_step=on_step,
     )  # fmt: skip
     return dataclasses.replace(found, audit=(*found.audit, *examined.fit.remarks()))
 

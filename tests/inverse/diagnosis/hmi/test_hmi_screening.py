@@ -273,6 +273,27 @@ def test_a_fit_that_failed_blames_no_physics_and_designs_nothing(problem, prepar
         design_hmi(curves(np.full(len(TEMPERATURES), 100.0)), described, found=found, prepared=prepared)
 
 
+def test_ends_of_intervals_are_searched_for_where_causes_fit_best_and_others_are_said(problem, monkeypatch):
+    hidden, _ = measured_with(problem, "attenuation-kinetics", 1.5, noise=0.01)
+    causes = tuple(named(n) for n in (DRIFT, "attenuation-kinetics", "lesion-stiffness-law", "conductivity-change"))
+    profiled, followed = examination.profiled, []
+
+    def recorded(fit, *given):
+        followed.append(fit.extensions[0].cause.name)
+        return profiled(fit, *given)
+
+    monkeypatch.setattr(examination, "profiled", recorded)
+    monkeypatch.setattr(hmi_diagnosis, "_FOLLOWED", 1)
+    found = diagnose_curves(hidden, corrected=False, causes=causes, gain=False)
+    best, *others = (name for name in found.decision.candidates if name in found.decision.possible)
+    assert others and set(followed) == {best}
+    said = [one for one in found.audit if "curvature at their fits" in one]
+    assert len(said) == 1 and all(name in said[0] for name in others) and best not in said[0]
+    refit = next(one.refit for one in found.causes if one.cause.name == others[0])
+    half = refit.intervals[0] - refit.strengths[0]
+    assert half[0] == pytest.approx(-half[1]) or refit.intervals[0, 0] == 0.0
+
+
 def test_what_is_left_of_curves_is_drawn_against_temperature_time_dose_and_sonication(problem):
     hidden, null, *_ = looked_for_in(problem, DRIFT, 1.0, 0.005)
     found = failed(HmiAccount(hidden, null), hidden, null.residuals, (), level=0.05, seed=0)
