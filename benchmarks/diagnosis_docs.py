@@ -105,11 +105,14 @@ def _false_alarms(axis: Axes, null: dict[str, Rate]) -> None:
     )
     axis.axvline(5.0, color="0.4", lw=0.9)
     axis.axvline(6.0, color="0.4", lw=0.9, ls="--")
-    axis.text(4.93, -0.62, "level", ha="right", va="center", color="0.4", fontsize=9)
-    axis.text(6.07, -0.62, "asked for at most", ha="left", va="center", color="0.4", fontsize=9)
+    axis.annotate(
+        "level; dashed: asked for at most", (6.0, -0.62), (4, 0), textcoords="offset points", va="center", color="0.4",
+        fontsize=9,
+    )  # fmt: skip
+    axis.set_yticks(range(len(names)), [f"{n}, n = {null[n]['sets']}" for n in names])
     axis.invert_yaxis()
     axis.set(title="False alarms, nothing hidden", xlabel="of 100 data sets", ylim=(len(names) - 0.4, -0.9))
-    axis.set_xlim(0.0, max(10.0, axis.get_xlim()[1]))
+    axis.set_xlim(0.0, min(100.0, max(10.0, axis.get_xlim()[1])))
 
 
 def _fates(axis: Axes, summary: dict[str, Any]) -> None:
