@@ -2,31 +2,31 @@
 
 Most of all where a lesion begins and the displacement turns within a kelvin: the curvature at the fit knows nothing of
 what is farther away, and a correction of the fast simulation that was taken at the fit knows little. (Conduction four
-times that of liver, d' 4.5, was given an interval of 0.9 to 1.9 by one, where the truth was 3.2.) So ends are
-corrected to the full simulation where they come out, as fits are.
+times that of liver, d' 4.5, was given an interval of 0.9 to 1.9 by one, where the truth was 3.2.) Nor does one that was
+taken at an end know what lies between: as corrected at 0.33, every strength up to the estimate of 0.90 seemed worse
+than 0.33 is. So where the full simulation does not confirm an end, it is looked for by that, each trial corrected where
+it comes out, as fits are.
 """
 
 import dataclasses
 import math
-from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
 from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.hmi.bound_search import Trial, searched
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.fitting import INTERVAL_LEVEL, Fitting, HmiFit, moved_by
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import SETTLED, fit_hmi, fit_in_full
 from inverse.diagnosis.noise import Noise
 
-_MOST_TRIALS = 8
+_MOST_IN_FULL = 5
+"""Trials by the full simulation."""
 _MOST_CORRECTIONS = 2
-_CLOSE = 0.05
-"""Relative distance from the bound, in standard deviations, at which the search for an end stops."""
-_STRIDE = 3.0
-"""How many times as far, or as near, the next trial may be at most."""
+"""To it, in one of them."""
 _WORTH_A_FIT = 0.25
 """How much lower than the fit a trial has to be, in squared standard deviations, for the fit to begin anew there."""
 
@@ -111,16 +111,6 @@ def _anew(fit: HmiFit, trial: HmiFit | None, noise: Noise, size: float) -> HmiFi
     return better if better.converged and not better.left > SETTLED and _is_better(better, fit) else None
 
 
-@dataclasses.dataclass(frozen=True)
-class Trial:
-    """All else fitted with the strength a distance from its estimate, which is risen of the way to the bound."""
-
-    step: float
-    risen: float
-    unknowns: Float[np.ndarray, " unknown"]
-    remark: str = ""
-
-
 class _End:
     """The search for one end: which strength, and whether below its estimate (-1) or above (1)."""
 
@@ -158,42 +148,51 @@ class _End:
         if not math.isfinite(min(abs(self.near - self.best), self.limit)):
             self.remark = "is not told by these data."
             return self.near
-        problem, settled = self.fit.problem, self.fit.problem.correction is None
-        end = self._searched(problem, min(abs(self.near - self.best) or self.limit, self.limit))
-        for number in range(_MOST_CORRECTIONS + 1):
-            if end is None or settled:
-                break
-            settled = float(np.linalg.norm(problem.left(end.unknowns))) <= SETTLED * self.size
-            if settled or number == _MOST_CORRECTIONS:
-                break
-            problem = problem.corrected_at(end.unknowns, moved_by(problem, self.fit.extensions))
-            again = self._searched(problem, end.step) if _is_finite(problem) else None
-            if again is None:
-                break
-            end = again
+        begun = min(abs(self.near - self.best) or self.limit, self.limit)
+        end = searched(lambda step: self._held(self.fit.problem, step), begun, self.limit)
+        if end is not None and not (self.fit.problem.correction is None or self._settled(self.fit.problem, end)):
+            self.known = {0.0: self.fit.unknowns, end.step: end.unknowns}
+            end = searched(self._in_full, end.step, self.limit, most=_MOST_IN_FULL)
         if end is None:
             self.remark = "is that of the curvature: no other fit could be made on that side."
             return self.near
-        self.remark = end.remark if settled else "is one that the full simulation does not confirm."
-        return self.best + self.direction * end.step
+        self.remark = end.remark
+        return self._strength(end.step)
 
     def _limit(self) -> float:
         """How far the strength may go."""
         lowest, largest = self.fit.extensions[self.which].cause.possible
         return max(self.best - lowest if self.direction < 0.0 else largest - self.best, 0.0)
 
-    def _searched(self, problem: HmiDiagnosisProblem, step: float) -> Trial | None:
-        return searched(lambda step: self._held(problem, step), step, self.limit)
+    def _in_full(self, step: float) -> Trial | None:
+        """The trial by the full simulation: by the fast one as corrected to it where the trial comes out."""
+        problem, trial, start = self.fit.problem, None, self._start(self.fit.problem, step)
+        for _ in range(_MOST_CORRECTIONS):
+            if start is None:
+                return None
+            problem = problem.corrected_at(start, moved_by(problem, self.fit.extensions))
+            if problem.correction is None or not problem.correction.is_finite:
+                return None
+            trial = self._held(problem, step, start)
+            if trial is None or self._settled(problem, trial):
+                return trial
+            start = trial.unknowns
+        return trial and dataclasses.replace(trial, remark="is one that the full simulation does not confirm.")
 
-    def _held(self, problem: HmiDiagnosisProblem, step: float) -> Trial | None:
+    def _settled(self, problem: HmiDiagnosisProblem, trial: Trial) -> bool:
+        """Whether the full simulation agrees."""
+        return float(np.linalg.norm(problem.left(trial.unknowns))) <= SETTLED * self.size
+
+    def _held(
+        self, problem: HmiDiagnosisProblem, step: float, start: Float[np.ndarray, " unknown"] | None = None
+    ) -> Trial | None:
         """All else fitted with the strength held; None where there is no such fit."""
-        fit, strength = self.fit, self.best + self.direction * step
-        strengths: Float[np.ndarray, " extension"] = fit.strengths.copy()
-        strengths[self.which] = strength
-        start = self._start(problem, step, strength / fit.extensions[self.which].cause.plausible)
+        start = self._start(problem, step) if start is None else start
         if start is None:
             return None
-        # Whether the full simulation agrees is asked at the end alone.
+        fit = self.fit
+        strengths: Float[np.ndarray, " extension"] = fit.strengths.copy()
+        strengths[self.which] = self._strength(step)
         found = fit_hmi(
             problem, self._shaped(start), self.noise, size=self.size, start=start, strengths=strengths,
             held=(self.which,), anywhere=True,
@@ -205,12 +204,15 @@ class _End:
         risen = math.sqrt(max(found.misfit - fit.misfit, 0.0)) / self.bound
         return Trial(step, risen, found.unknowns)
 
-    def _start(
-        self, problem: HmiDiagnosisProblem, step: float, strength: float
-    ) -> Float[np.ndarray, " unknown"] | None:
+    def _strength(self, step: float) -> float:
+        """At a distance from its estimate."""
+        return self.best + self.direction * step
+
+    def _start(self, problem: HmiDiagnosisProblem, step: float) -> Float[np.ndarray, " unknown"] | None:
         """Unknowns on the line through the two trials next to a step, or at the nearest; None if neither can be."""
         first, second = self._nearest(step)
         along = (step - first[0]) / (second[0] - first[0])
+        strength = self._strength(step) / self.fit.extensions[self.which].cause.plausible
         for unknowns in (first[1] + along * (second[1] - first[1]), first[1].copy()):
             unknowns[problem.program.place(self.fit.extensions[self.which].cause.name)] = strength
             if np.all(np.isfinite(problem.predict(unknowns))):
@@ -227,47 +229,3 @@ class _End:
         """The two nearest trials, the estimate among them; before there is any, what the fit's derivatives say."""
         known = sorted(self.known.items(), key=lambda one: abs(one[0] - step))
         return known[:2] if len(known) > 1 else [known[0], (1.0, known[0][1] + self.response)]
-
-
-def _is_finite(problem: HmiDiagnosisProblem) -> bool:
-    return problem.correction is not None and problem.correction.is_finite
-
-
-def searched(held: Callable[[float], Trial | None], step: float, limit: float) -> Trial | None:
-    """The trial at the bound, or next to it; None where there is nothing but the estimate.
-
-    Args:
-        held: The trial at a distance; None where there is none.
-        step: Where to begin.
-        limit: The farthest.
-    """
-    inside: Trial | None = None
-    outside: Trial | None = None
-    failed = math.inf
-    for _ in range(_MOST_TRIALS):
-        trial = held(step)
-        if trial is None:
-            failed = step
-        elif abs(trial.risen - 1.0) < _CLOSE or (trial.risen < 1.0 and step >= limit):
-            return trial
-        elif trial.risen < 1.0:
-            inside = trial
-        else:
-            outside = trial
-        nearest = 0.0 if inside is None else inside.step
-        if inside is not None and failed - nearest < _CLOSE * failed:
-            return dataclasses.replace(inside, remark="is where fits could be made no farther.")
-        step = min(_next(inside, outside) if inside or outside else failed, limit)
-        if step >= failed:
-            step = 0.5 * (nearest + failed)
-    end = outside or inside
-    return None if end is None else dataclasses.replace(end, remark=f"was not met in {_MOST_TRIALS} trials.")
-
-
-def _next(inside: Trial | None, outside: Trial | None) -> float:
-    """The next step: on the line between the trials next to the bound, or on the one through the estimate."""
-    here, risen = (0.0, 0.0) if inside is None else (inside.step, inside.risen)
-    if outside is None:
-        return here * min(1.0 / max(risen, 1e-6), _STRIDE)
-    slope = (outside.risen - risen) / (outside.step - here)
-    return max(here + (1.0 - risen) / slope, outside.step / _STRIDE) if slope > 0.0 else 0.5 * (here + outside.step)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from inverse.diagnosis.hmi.profile import Trial, searched
+from inverse.diagnosis.hmi.bound_search import Trial, searched
 
 
 def profile(risen, *, covered=float("inf")):
@@ -42,3 +42,9 @@ def test_an_end_that_is_not_found_is_said_to_be_none():
     leaping = searched(profile(lambda step: 0.5 if step < 1.0 else 3.0), 0.6, 100.0)
     assert leaping.step >= 1.0 and "was not met" in leaping.remark
     assert searched(lambda _: None, 1.0, 100.0) is None
+
+
+def test_there_are_no_more_trials_than_may_be():
+    steps = []
+    end = searched(profile(lambda step: steps.append(step) or step), 0.01, 100.0, most=2)
+    assert steps == [0.01, 0.03] and end.remark == "was not met in 2 trials."
