@@ -16,7 +16,10 @@ _STRIDE = 3.0
 
 @dataclasses.dataclass(frozen=True)
 class Trial:
-    """All else fitted with the strength a distance from its estimate, which is risen of the way to the bound."""
+    """All else fitted with the strength a distance from its estimate, which is risen of the way to the bound.
+
+    `remark` is what is to be said of it if it is the end.
+    """
 
     step: float
     risen: float
@@ -48,12 +51,12 @@ def searched(held: Callable[[float], Trial | None], step: float, limit: float, m
             outside = trial
         nearest = 0.0 if inside is None else inside.step
         if inside is not None and failed - nearest < _CLOSE * failed:
-            return dataclasses.replace(inside, remark="is where fits could be made no farther.")
+            return dataclasses.replace(inside, remark=inside.remark or "is where fits could be made no farther.")
         step = min(_next(inside, outside) if inside or outside else failed, limit)
         if step >= failed:
             step = 0.5 * (nearest + failed)
     end = outside or inside
-    return None if end is None else dataclasses.replace(end, remark=f"was not met in {most} trials.")
+    return None if end is None else dataclasses.replace(end, remark=end.remark or f"was not met in {most} trials.")
 
 
 def _next(inside: Trial | None, outside: Trial | None) -> float:

@@ -4,8 +4,8 @@ Most of all where a lesion begins and the displacement turns within a kelvin: th
 what is farther away, and a correction of the fast simulation that was taken at the fit knows little. (Conduction four
 times that of liver, d' 4.5, was given an interval of 0.9 to 1.9 by one, where the truth was 3.2.) Nor does one that was
 taken at an end know what lies between: as corrected at 0.33, every strength up to the estimate of 0.90 seemed worse
-than 0.33 is. So where the full simulation does not confirm an end, it is looked for by that, each trial corrected where
-it comes out, as fits are.
+than 0.33 is. So where the full simulation does not confirm an end, it is looked for by that, each trial corrected until
+it agrees where it comes out, as fits are.
 """
 
 import dataclasses
@@ -23,10 +23,11 @@ from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import SETTLED, fit_hmi, fit_in_full
 from inverse.diagnosis.noise import Noise
 
-_MOST_IN_FULL = 5
+_MOST_IN_FULL = 6
 """Trials by the full simulation."""
-_MOST_CORRECTIONS = 2
+_MOST_CORRECTIONS = 3
 """To it, in one of them."""
+_NOT_CONFIRMED = "is one that the full simulation does not confirm."
 _WORTH_A_FIT = 0.25
 """How much lower than the fit a trial has to be, in squared standard deviations, for the fit to begin anew there."""
 
@@ -34,10 +35,10 @@ _WORTH_A_FIT = 0.25
 def profiled(fit: HmiFit, noise: Noise, size: float) -> HmiFit:
     """The fit with intervals at whose ends the likelihood, all else fitted anew, has fallen to the bound.
 
-    Accuracy: the distance of each end from the estimate is within 5 % of where the bound is met, by a simulation that
-    agrees there with the full one within `SETTLED`; for a fit of the fast simulation alone, by that. An end that could
-    not be found so, or lies where no other fit could be made, is the nearest one known, and `remarks` say so.
-    `HmiCause.largest` is an end without remark.
+    Accuracy: at each end the likelihood has fallen to the bound within 5 % of the fall, counted in standard deviations,
+    by a simulation that agrees there, as at the fit, with the full one within `SETTLED`; for a fit of the fast
+    simulation alone, by that. An end that could not be found so, or lies where no other fit could be made, is the
+    nearest one known, and `remarks` say so. What a strength can be at most, or at least, is an end without remark.
 
     A trial that is better than the fit shows that this is a local one; it begins anew there, once.
 
@@ -152,7 +153,8 @@ class _End:
         end = searched(lambda step: self._held(self.fit.problem, step), begun, self.limit)
         if end is not None and not (self.fit.problem.correction is None or self._settled(self.fit.problem, end)):
             self.known = {0.0: self.fit.unknowns, end.step: end.unknowns}
-            end = searched(self._in_full, end.step, self.limit, most=_MOST_IN_FULL)
+            full = searched(self._in_full, end.step, self.limit, most=_MOST_IN_FULL)
+            end = full or dataclasses.replace(end, remark=_NOT_CONFIRMED)
         if end is None:
             self.remark = "is that of the curvature: no other fit could be made on that side."
             return self.near
@@ -167,17 +169,20 @@ class _End:
     def _in_full(self, step: float) -> Trial | None:
         """The trial by the full simulation: by the fast one as corrected to it where the trial comes out."""
         problem, trial, start = self.fit.problem, None, self._start(self.fit.problem, step)
+        if start is None:
+            return None
         for _ in range(_MOST_CORRECTIONS):
-            if start is None:
-                return None
             problem = problem.corrected_at(start, moved_by(problem, self.fit.extensions))
             if problem.correction is None or not problem.correction.is_finite:
-                return None
-            trial = self._held(problem, step, start)
-            if trial is None or self._settled(problem, trial):
-                return trial
-            start = trial.unknowns
-        return trial and dataclasses.replace(trial, remark="is one that the full simulation does not confirm.")
+                break
+            again = self._held(problem, step, start)
+            if again is None or self._settled(problem, again):
+                trial = again or trial
+                break
+            # As low as it may be, it is not the full simulation that is so low there.
+            self.tried.pop()
+            trial, start = dataclasses.replace(again, remark=_NOT_CONFIRMED), again.unknowns
+        return trial
 
     def _settled(self, problem: HmiDiagnosisProblem, trial: Trial) -> bool:
         """Whether the full simulation agrees."""

@@ -48,3 +48,12 @@ def test_there_are_no_more_trials_than_may_be():
     steps = []
     end = searched(profile(lambda step: steps.append(step) or step), 0.01, 100.0, most=2)
     assert steps == [0.01, 0.03] and end.remark == "was not met in 2 trials."
+
+
+def test_what_is_to_be_said_of_a_trial_is_said_of_the_end():
+    def remarked(risen, covered=float("inf")):
+        return lambda step: Trial(step, risen(step), np.zeros(1), "is in doubt.") if step <= covered else None
+
+    assert searched(remarked(lambda step: step), 0.9, 100.0).remark == "is in doubt."
+    assert searched(remarked(lambda step: 0.5 if step < 1.0 else 3.0), 0.6, 100.0).remark == "is in doubt."
+    assert searched(remarked(lambda step: step, covered=0.7), 1.0, 100.0).remark == "is in doubt."

@@ -121,6 +121,21 @@ def test_a_correction_taken_beyond_an_end_is_not_for_what_lies_before_it(problem
     assert found.remarks == ()
 
 
+def test_an_end_that_the_full_simulation_cannot_confirm_stays_and_that_is_said(problem):
+    noise = 0.005
+    fit = fitted_with(problem, DRIFT, 2.0, noise, seed=3)
+    other, half = bent(problem.program, fit), fit.intervals[0, 1] - fit.strengths[0]
+    full = dataclasses.replace(fit.problem, program=other)
+    fit = dataclasses.replace(fit, problem=full.corrected_at(fit.unknowns, moved_by(full, fit.extensions)))
+    other.linearise = lambda unknowns, which: (
+        np.nan * unknowns[0] + np.zeros(other.n_rows),
+        np.zeros((26, len(which))),
+    )
+    found = profiled(fit, white(full), noise)
+    assert len(found.remarks) == 2 and all("does not confirm" in remark for remark in found.remarks)
+    np.testing.assert_allclose(found.intervals[0] - fit.strengths[0], [-half, half], atol=0.06 * half)
+
+
 @pytest.mark.slow
 def test_ends_of_a_profile_are_those_of_the_full_simulation(problem):
     """By the fast one, coarse here and corrected where the fit is, the bound is missed by 40 % at the lower end."""
