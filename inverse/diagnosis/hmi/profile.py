@@ -36,9 +36,10 @@ def profiled(fit: HmiFit, noise: Noise, size: float) -> HmiFit:
     """The fit with intervals at whose ends the likelihood, all else fitted anew, has fallen to the bound.
 
     Accuracy: at each end the likelihood has fallen to the bound within 5 % of the fall, counted in standard deviations,
-    by a simulation that agrees there, as at the fit, with the full one within `SETTLED`; for a fit of the fast
-    simulation alone, by that. An end that could not be found so, or lies where no other fit could be made, is the
-    nearest one known, and `remarks` say so. What a strength can be at most, or at least, is an end without remark.
+    by a simulation that agrees there with the full one within `SETTLED`, or as well as at the fit, where that is worse
+    and is said of it; for a fit of the fast simulation alone, by that. An end that could not be found so, or lies where
+    no other fit could be made, is the nearest one known, and `remarks` say so. What a strength can be at most, or at
+    least, is an end without remark.
 
     A trial that is better than the fit shows that this is a local one; it begins anew there, once.
 
@@ -185,8 +186,9 @@ class _End:
         return trial
 
     def _settled(self, problem: HmiDiagnosisProblem, trial: Trial) -> bool:
-        """Whether the full simulation agrees."""
-        return float(np.linalg.norm(problem.left(trial.unknowns))) <= SETTLED * self.size
+        """Whether the full simulation agrees, or no less than at the fit: trials are compared with its misfit."""
+        agreed = SETTLED if math.isnan(self.fit.left) else max(SETTLED, self.fit.left)
+        return float(np.linalg.norm(problem.left(trial.unknowns))) <= agreed * self.size
 
     def _held(
         self, problem: HmiDiagnosisProblem, step: float, start: Float[np.ndarray, " unknown"] | None = None

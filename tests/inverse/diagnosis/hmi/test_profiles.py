@@ -134,6 +134,9 @@ def test_an_end_that_the_full_simulation_cannot_confirm_stays_and_that_is_said(p
     found = profiled(fit, white(full), noise)
     assert len(found.remarks) == 2 and all("does not confirm" in remark for remark in found.remarks)
     np.testing.assert_allclose(found.intervals[0] - fit.strengths[0], [-half, half], atol=0.06 * half)
+    # Nor has the fit itself been confirmed any better: its misfit is that of the same simulation as that of its ends.
+    found = profiled(dataclasses.replace(fit, left=10.0), white(full), noise)
+    assert found.remarks == ()
 
 
 @pytest.mark.slow
