@@ -53,20 +53,27 @@ benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
 	$(BIN)/python -m benchmarks.thermal --out results/benchmarks/thermal.json
 	$(BIN)/python -m benchmarks.diagnosis_speed --out results/benchmarks/diagnosis_speed.json
 
-operating-characteristic: $(VENV)/.run  ## docs/operating_characteristic.md, in two hours; goes on where it was stopped
-	$(BIN)/python -m benchmarks.diagnosis --out results/benchmarks/diagnosis.jsonl --docs docs
-	$(BIN)/python -m benchmarks.diagnosis_detection --workers 2
+# Rates of the diagnosis, each page by one command, WORKERS data sets at a time. A study goes on where it was stopped,
+# and begins again where the code has changed. QUICK=1: minutes, and pages into results/docs.
+WORKERS ?= 2
+STUDY := --workers $(WORKERS) --docs $(if $(QUICK),results/docs,docs) --anew
+RECORDS := $(if $(QUICK),results/quick,results/benchmarks)
+DETECTION := $(if $(QUICK),true,$(BIN)/python -m benchmarks.diagnosis_detection --workers $(WORKERS))
+
+operating-characteristic: $(VENV)/.run  ## docs/operating_characteristic.md, in two hours
+	$(BIN)/python -m benchmarks.diagnosis $(STUDY) --out $(RECORDS)/diagnosis.jsonl $(if $(QUICK),--quick)
+	$(DETECTION)
 
 operating-characteristic-zener: $(VENV)/.run  ## the same for the conventional model
-	$(BIN)/python -m benchmarks.diagnosis --model zener --docs docs
-	$(BIN)/python -m benchmarks.diagnosis_detection --model zener --workers 2
+	$(BIN)/python -m benchmarks.diagnosis --model zener $(STUDY) --out $(RECORDS)/diagnosis_zener.jsonl $(if $(QUICK),--quick)
+	$(DETECTION) --model zener
 
 operating-characteristic-hmi-linear: $(VENV)/.run  ## the same for displacement, on linear data, in three quarters of an hour
-	$(BIN)/python -m benchmarks.diagnosis_hmi_fast --docs docs --workers 2
+	$(BIN)/python -m benchmarks.diagnosis_hmi_fast $(filter-out --anew,$(STUDY)) --share $(if $(QUICK),0.05,0.5)
 
-operating-characteristic-hmi: $(VENV)/.run  ## the same on simulated data, two hours a round; goes on where it was stopped
-	$(BIN)/python -m benchmarks.diagnosis_hmi --out benchmarks/records/diagnosis_hmi.jsonl --docs docs --workers 2
-	$(BIN)/python -m benchmarks.diagnosis_intervals --workers 2
+operating-characteristic-hmi: $(VENV)/.run  ## the same on simulated data, two hours a round
+	$(BIN)/python -m benchmarks.diagnosis_hmi $(STUDY) $(if $(QUICK),--minutes 15 --out $(RECORDS)/diagnosis_hmi.jsonl,--out benchmarks/records/diagnosis_hmi.jsonl)
+	$(if $(QUICK),,$(BIN)/python -m benchmarks.diagnosis_intervals --workers $(WORKERS))
 
 calibration: $(VENV)/.run  ## docs/calibration.md, in three quarters of an hour; goes on where it was stopped
 	$(BIN)/python -m benchmarks.calibration --out results/benchmarks/calibration.json --docs docs

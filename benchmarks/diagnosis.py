@@ -43,6 +43,7 @@ STUDIES = {"fractional": DMA_STUDY, "zener": ZENER_STUDY}
 """By the model that is fitted, which the solids are of."""
 _RECORDS = {"fractional": "diagnosis.jsonl", "zener": "diagnosis_zener.jsonl"}
 NOISES = ("white", "tails", "correlated-0.3", "correlated-0.6", "loud", "understated")
+NOISES_IN_TIME = tuple(f"{blind.IN_TIME}-{rho}" for rho in (0.3, 0.6))
 STRENGTHS = (3.0, 4.5, 6.0)
 UNKNOWN_STRENGTHS = (5.0, 9.0)
 QUICK_SETS = 2
@@ -89,10 +90,12 @@ def conditions(model: str = "fractional") -> list[Condition]:
         return Condition(part, name, d_prime, noise, share, model)
 
     known = [condition("known", name, d) for d in STRENGTHS for name in testable(model)]
-    null = [condition("null", "none", 0.0, noise, NULL_SETS) for noise in NOISES]
+    null, in_time = (
+        [condition("null", "none", 0.0, noise, NULL_SETS) for noise in noises] for noises in (NOISES, NOISES_IN_TIME)
+    )
     unknown = [condition("unknown", name, d, share=2) for d in UNKNOWN_STRENGTHS for name in blind.UNKNOWN]
     removed = [condition("removed", name, d) for d in UNKNOWN_STRENGTHS for name in testable(model)]
-    return [*known, *null, *unknown, *removed]
+    return [*known, *null, *unknown, *removed, *in_time]
 
 
 def measured(seed: int, model: str = "fractional", **hidden) -> tuple[DmaProblem, dict]:

@@ -189,8 +189,16 @@ def page(summary: dict[str, Any], study: Study) -> str:
     )
 
 
-def _words(one: Rate, factor: float = 100.0) -> str:
-    return f"{factor * one['rate']:.1f} ± {factor * one['error']:.1f}" if one["sets"] else "–"
+_COUNTED = 5
+"""Data sets below which a rate is no number, but what happened."""
+
+
+def _words(one: Rate) -> str:
+    if not one["sets"]:
+        return "–"
+    if one["sets"] < _COUNTED:
+        return f"{round(one['rate'] * one['sets'])} of {one['sets']}"
+    return f"{100.0 * one['rate']:.1f} ± {100.0 * one['error']:.1f}"
 
 
 def _asked(summary: dict[str, Any]) -> list[str]:

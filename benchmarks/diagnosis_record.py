@@ -70,8 +70,9 @@ def arguments(description: str | None, *, out: str, sets: int) -> argparse.Argum
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("results/benchmarks") / out)
     parser.add_argument("--sets", type=int, default=sets, help="rounds: sets of each condition")
-    parser.add_argument("--only", default="", help="part of the study: known, null, unknown or removed")
+    parser.add_argument("--only", default="", help="known, null, unknown, removed, or a noise")
     parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so long; 0: sum up what there is")
+    parser.add_argument("--anew", action="store_true", help="lines of other code give way to those of this")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     parser.add_argument("--development", action="store_true", help="seeds on which things may be tried")
     parser.add_argument("--docs", type=Path, help="folder for the table and the figure")
@@ -100,13 +101,18 @@ def recorded(
     stamps = {line.get("stamp") for line in lines}
     if given.minutes <= 0.0 and len(stamps) == 1:
         return lines
+    if given.anew and stamps - {made_by}:
+        lines, stamps = [], set()
+        given.out.unlink()
     if stamps - {made_by}:
         raise SystemExit(
             f"{given.out}: has lines that other code than this ({made_by}) made; put the file away, give another one "
-            "as --out, or sum up what there is with --minutes 0, if all of it was made by one code."
+            "as --out, begin again with --anew, or sum up what there is with --minutes 0, if it is all of one code."
         )
     done = {(line["part"], line["seed"]) for line in lines}
-    missing = [one for one in todo if given.only in ("", one[0].part) and (one[0].part, one[1]) not in done]
+    missing = [
+        one for one in todo if given.only in ("", one[0].part, one[0].noise) and (one[0].part, one[1]) not in done
+    ]
     with given.out.open("a") as record:
         for line in spread(work, missing, workers=given.workers, minutes=given.minutes):
             lines.append(line | {"stamp": made_by})

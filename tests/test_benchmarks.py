@@ -86,6 +86,7 @@ def test_benchmark_of_the_diagnosis_goes_on_where_it_stopped(tmp_path, monkeypat
     given = ["diagnosis", "--out", str(out), "--docs", str(tmp_path / "docs"), "--only", "null", "--development"]
     given += ["--model", model]
     monkeypatch.setattr(diagnosis, "NOISES", ("white",))
+    monkeypatch.setattr(diagnosis, "NOISES_IN_TIME", ())
     monkeypatch.setattr(diagnosis, "NULL_SETS", 2)
     for count in (1, 2):
         monkeypatch.setattr(sys, "argv", [*given, "--sets", str(count)])
@@ -116,6 +117,23 @@ def test_seeds_of_either_model_are_apart():
     assert max(seed for _, seed in development["zener"]) < diagnosis.blind.TEST_SEEDS <= min(seeds["zener"])
     found = [{one.name for one, _ in todo} for todo in test.values()]
     assert found[1] - found[0] == {"power-law-relaxation"} and {one.model for one, _ in test["zener"]} == {"zener"}
+
+
+def test_noise_correlated_in_time_is_white_along_frequency_where_that_is_another_order():
+    rng = np.random.default_rng(3)
+    alike = {"time": [], "frequency": []}
+    for _ in range(300):
+        m = diagnosis.blind.draw_measurement(rng, shuffled=True)
+        along = diagnosis.blind.draw_noise("correlated-in-time-0.6", m, rng).real
+        in_time = np.take_along_axis(along, np.argsort(m.clock, axis=1), axis=1)
+        for name, one in (("time", in_time), ("frequency", along)):
+            alike[name].append(np.mean(one[:, 1:] * one[:, :-1]))
+    # 300 sets of 65 pairs: a standard error of 0.01. Of neighbours in frequency one in seven is one in time, too.
+    assert np.mean(alike["time"]) == pytest.approx(0.6, abs=0.03)
+    expected = sum(2.0 * (14 - lag) * 0.6**lag for lag in range(1, 14)) / (14 * 13)
+    assert np.mean(alike["frequency"]) == pytest.approx(expected, abs=0.03)
+    planned = {one.noise for one, _ in diagnosis.planned(1, False)}
+    assert {"correlated-in-time-0.3", "correlated-in-time-0.6"} <= planned
 
 
 def test_rates_of_two_models_are_not_mixed(tmp_path, monkeypatch):
@@ -307,7 +325,24 @@ def test_constants_near_their_middle_change_what_is_believed_of_them_and_no_read
     np.testing.assert_array_equal(near[:-1], believed[:-1])
     assert near[-1] == pytest.approx(0.6 * believed[-1])
     planned = [condition.noise for condition, _ in diagnosis_hmi_fast.planned(1.0, False) if condition.part == "null"]
-    assert set(planned) == {*diagnosis_hmi.NOISES, *(noise + "-near" for noise in diagnosis_hmi.NOISES)}
+    noises = (*diagnosis_hmi.NOISES, "understated")
+    assert set(planned) == {*noises, *(noise + "-near" for noise in noises)}
+
+
+def test_noise_that_is_understated_is_larger_than_beliefs_are_weighed_by():
+    understated, white = (
+        diagnosis_hmi_fast._drawn(
+            linear_design(), diagnosis_hmi.Condition("null", "none", 0.0, noise), 5, np.random.default_rng(5)
+        )
+        for noise in ("understated", "white")
+    )
+    np.testing.assert_allclose(understated[:-1], 1.3 * white[:-1], rtol=1e-15)
+    assert understated[-1] == white[-1]
+
+
+def test_effects_without_a_name_are_weak_and_strong():
+    planned = {(one.part, one.d_prime) for one, _ in diagnosis_hmi_fast.planned(1.0, False)}
+    assert {(part, d) for part in ("unknown", "removed") for d in (5.0, 9.0)} <= planned
 
 
 def test_linear_sets_are_planned_with_seeds_of_their_own():

@@ -200,6 +200,8 @@ def _one_temperature(m: Measurement, rng: np.random.Generator) -> np.ndarray:
 
 
 UNDERSTATED = 1.3
+IN_TIME = "correlated-in-time"
+"""Noise of which neighbours are those in time, in sweeps that take frequencies in random order."""
 
 UNKNOWN = {"bump": _bump, "smooth": _smooth, "mains": _mains, "one-temperature": _one_temperature}
 """Changes of the logarithm of the modulus that are in no list."""
@@ -213,10 +215,13 @@ def draw_noise(kind: str, m: Measurement, rng: np.random.Generator) -> np.ndarra
     if kind == "tails":
         parts = rng.standard_t(4, shape) / np.sqrt(2.0)
     elif kind.startswith("correlated"):
-        rho = float(kind.removeprefix("correlated-"))
-        parts = rng.standard_normal(shape)
+        rho = float(kind.rpartition("-")[2])
+        drawn = rng.standard_normal(shape)
         for index in range(1, shape[1]):
-            parts[:, index] = rho * parts[:, index - 1] + np.sqrt(1.0 - rho**2) * parts[:, index]
+            drawn[:, index] = rho * drawn[:, index - 1] + np.sqrt(1.0 - rho**2) * drawn[:, index]
+        parts = drawn.copy()
+        if kind.startswith(IN_TIME):
+            np.put_along_axis(parts, np.argsort(m.clock, axis=1)[..., None], drawn, axis=1)
     else:
         parts = rng.standard_normal(shape)
     if kind == "loud":
@@ -339,10 +344,11 @@ def write(
     """Simulate one measurement; the file in `data` says nothing of what is in `key`.
 
     A named effect has the given strength instead of `d_prime`, for those that no strength shows. In noise that is
-    `understated` the file gives standard deviations, which are `UNDERSTATED` times too small.
+    `understated` the file gives standard deviations, which are `UNDERSTATED` times too small. Frequencies come in
+    random order where that is asked for, and in noise `IN_TIME`.
     """
     rng = np.random.default_rng([seed, 20161231])
-    m = draw_measurement(rng, shuffled=shuffled, conventional=conventional)
+    m = draw_measurement(rng, shuffled=shuffled or noise.startswith(IN_TIME), conventional=conventional)
     asked = d_prime if strength is None else None
     if strength is None:
         logarithm, strength = hidden(m, name, d_prime, rng, sign_of(name, seed))

@@ -5,3 +5,29 @@ KEYS = (
     "whiteness unexplained audit notes model seed versions separation"
 ).split()
 SCHEMA_VERSION = 5
+
+INSIDE = {
+    "omnibus": "statistic p_value lead_of_free_forms".split(),
+    "causes": (
+        "name place p_value p_value_alone statistic estimate interval unit shape shape_means detectability status "
+        "p_value_of_the_rest converged physics source"
+    ).split(),
+    "not_testable": "name why what_would_help".split(),
+    "gain": (
+        "split rmse_before rmse_before_error rmse_after rmse_after_error log_score_gain standard_error unfinished"
+    ).split(),
+    "noise": ("kind p_white size p_size excess_kurtosis p_tails repeats repeats_freedom p_repeats words").split(),
+    "where": "words share p_value".split(),
+    "links": "words share p_value".split(),
+    "whiteness": "along correlation p_value".split(),
+    "separation": "causes angle_deg probability_right measurement".split(),
+}
+"""Keys of the parts: of each of them, where they are lists."""
+
+
+def require_keys(content):
+    """Keys of diagnosis.json, all of them and no others, whatever is empty."""
+    assert set(content) == set(KEYS) and content["schema_version"] == SCHEMA_VERSION
+    for part, keys in INSIDE.items():
+        of_part = content[part] if isinstance(content[part], list) else [content[part]]
+        assert all(set(one) == set(keys) for one in of_part if one is not None), part

@@ -10,11 +10,10 @@ from inverse.commands.main import run
 from inverse.datasets.dma import group_sweeps, read_dma
 from inverse.datasets.shipped import shipped
 from tests.blind import dma_generator as blind
-from tests.inverse.diagnosis_keys import KEYS, SCHEMA_VERSION
+from tests.inverse.diagnosis_keys import require_keys
 
 SLOWEST = 900
 """Seconds that the polymer may take: 63 constants refitted with every cause and pair of causes."""
-CAUSE_KEYS = "name place p_value statistic estimate interval unit detectability status".split()
 
 
 @pytest.fixture(scope="module")
@@ -70,12 +69,8 @@ def test_constants_of_one_frequency_do_not_predict_the_sweep_and_the_reason_is_n
 @pytest.mark.slow
 @pytest.mark.timeout(SLOWEST)
 def test_keys_of_the_interface(found):
-    assert set(found) == set(KEYS) and found["schema_version"] == SCHEMA_VERSION
-    assert all(set(CAUSE_KEYS) <= set(cause) for cause in found["causes"])
-    assert set(found["omnibus"]) == {"statistic", "p_value", "lead_of_free_forms"}
-    assert {"split", "rmse_before", "rmse_after", "log_score_gain", "standard_error"} <= set(found["gain"])
+    require_keys(found)
     assert found["gain"]["rmse_before_error"] > 0.0 and found["gain"]["rmse_after_error"] > 0.0
-    assert all(set(one) == {"name", "why", "what_would_help"} for one in found["not_testable"])
 
 
 @pytest.mark.slow
