@@ -28,13 +28,14 @@ at, unless lines that the change can reach are judged anew and it was not chosen
 
 
 REPORTING = (
+    "inverse/diagnosis/choice.py",
     "inverse/diagnosis/gain.py",
     "inverse/diagnosis/report.py",
     "inverse/diagnosis/where.py",
     "inverse/diagnosis/hmi/gain.py",
     "inverse/diagnosis/hmi/links.py",
 )
-"""Files that tell what was decided, and decide nothing: no record depends on them."""
+"""Files that read what is asked for or tell what was decided, and decide nothing: no record depends on them."""
 
 
 def stamp(patterns: Sequence[str]) -> str:

@@ -27,6 +27,7 @@ from inverse.figures.diagnosis import diagnosis_figure
 from inverse.figures.hmi_diagnosis import hmi_diagnosis_figure
 from inverse.figures.residuals import residuals_figure
 from inverse.output import output_directory, write_figures, write_json
+from inverse.precision import require_double_precision
 
 MODELS = {"fractional": FRACTIONAL, "zener": CONVENTIONAL}
 """Null models by the names that users write."""
@@ -113,7 +114,8 @@ def diagnose(
         on_step: Told what is being done.
 
     Raises:
-        InputError: if the file, a cause, the model, `level` or `out` is not what it should be, or data are too few.
+        InputError: if the file, a cause, the model, `level`, `seed` or `out` is not what it should be, or data are too
+            few.
         ValueError: if JAX runs in single precision.
     """
     if (dma is None) == (hmi is None):
@@ -126,7 +128,10 @@ def diagnose(
         raise InputError("a DMA is diagnosed without an experiment: leave out `experiment`.")
     if isinstance(causes, str):
         raise InputError(f"`causes` must be a list of names, got a text: write ['{causes}'].")
+    if seed < 0:
+        raise InputError(f"`seed` must be 0 or more, got {seed}.")
     require_level(level)
+    require_double_precision("diagnoses")
     asked = _Asked(causes, level, seed, gain, separate, on_step)
     with nullcontext() if out is None else output_directory(Path(out)) as folder:
         if hmi is not None:

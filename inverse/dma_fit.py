@@ -17,6 +17,7 @@ from inverse.datasets.dma import DmaData, Sweep
 from inverse.dma_residuals import LinearModulus, LogModulus, ModulusResidual, Observations
 from inverse.least_squares import MultiStart, multi_start
 from inverse.parameters import Parameter, constrain, unconstrain
+from inverse.precision import require_double_precision
 from inverse.transforms import Interval, LogInterval, Positive
 from inverse.uncertainty import Uncertainty, assess
 
@@ -226,8 +227,7 @@ def fit_sweeps(
     Raises:
         ValueError: if JAX runs in single precision.
     """
-    if jnp.result_type(float) != jnp.float64:
-        raise ValueError("fits need double precision; call jax.config.update('jax_enable_x64', True) first.")
+    require_double_precision()
     lanes = [
         (residual, model, sweep)
         for residual in residuals

@@ -16,6 +16,7 @@ from arfjax import InputError
 from inverse.datasets.thermometry import ThermometryData
 from inverse.least_squares import STATUS, Descent, MultiStart, descend
 from inverse.parameters import Parameter, constrain, unconstrain
+from inverse.precision import require_double_precision
 from inverse.thermometry_model import CONSTANTS, GaussianHeating, temperature_rise
 from inverse.transforms import Interval, LogInterval, Positive
 from inverse.uncertainty import Uncertainty, assess
@@ -133,8 +134,7 @@ def fit_heating(
         InputError: if too few rows can be used, or temperature never rises.
         ValueError: if JAX runs in single precision.
     """
-    if jnp.result_type(float) != jnp.float64:
-        raise ValueError("fits need double precision; call jax.config.update('jax_enable_x64', True) first.")
+    require_double_precision()
     used = ~data.occluded
     baseline = float(data.temperature[0]) if baseline is None else baseline
     _require_heating(data, used, baseline)

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from arfjax import InputError
 from inverse.commands.console import show_lines, show_table
 from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES
 from inverse.diagnosis.cause import Cause
+from inverse.diagnosis.choice import require_known
 
 _LIBRARIES: dict[str, Sequence[Cause]] = {"DMA": DMA_CAUSES, "HMI": HMI_CAUSES}
 _COLUMNS = ("cause", "where in the model", "plausible", "unit")
@@ -23,8 +23,7 @@ def causes_command(
     """List the causes that `diagnose` looks for, or say what one is, what would show it, and where it is from."""
     if name:
         known = {one.name: one for library in _LIBRARIES.values() for one in library}
-        if name not in known:
-            raise InputError(f"there is no cause '{name}'; there are {', '.join(known)}.")
+        require_known([name], list(known))
         show_lines(_described(known[name]))
         return
     for kind, library in _LIBRARIES.items():

@@ -14,7 +14,7 @@ from inverse.datasets.hmi import read_hmi
 from inverse.diagnosed import MODELS, Diagnosed, diagnose
 from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES
 from inverse.diagnosis.cause import Cause
-from inverse.diagnosis.choice import find_causes
+from inverse.diagnosis.choice import find_causes, require_known
 from inverse.diagnosis.diagnosis import HIGHEST_LEVEL, LOWEST_LEVEL, require_level
 from inverse.diagnosis.dma_problem import usable_sweeps
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
@@ -82,6 +82,8 @@ def diagnose_command(
     if hmi is not None and experiment is None:
         raise InputError("HMI is diagnosed in its experiment: give the experiment file (TOML) before the options.")
     wanted = [name.strip() for name in causes.split(",") if name.strip()]
+    if causes and not wanted:
+        raise InputError(f"--causes: names by commas are expected, got '{causes}'; leave it out to look for all.")
     parts = {kind: file for kind, file in (("dma", dma), ("hmi", hmi)) if file is not None}
     chosen, places = _chosen(wanted, list(parts)), _places(list(parts))
     if dma is None and (trust_units or model is not NullModel.FRACTIONAL):
@@ -162,10 +164,7 @@ def _chosen(wanted: list[str], kinds: list[str]) -> dict[str, tuple[Cause, ...]]
     libraries: dict[str, tuple[Cause, ...]] = {"dma": DMA_CAUSES, "hmi": HMI_CAUSES}
     if len(kinds) == 1:
         return {kinds[0]: find_causes(wanted or libraries[kinds[0]], libraries[kinds[0]])}
-    known = {cause.name for kind in kinds for cause in libraries[kind]}
-    for name in wanted:
-        if name not in known:
-            raise InputError(f"causes: there is no cause '{name}'; there are {', '.join(sorted(known))}.")
+    require_known(wanted, [cause.name for kind in kinds for cause in libraries[kind]])
     chosen = {kind: tuple(c for c in libraries[kind] if not wanted or c.name in wanted) for kind in kinds}
     for kind, causes in chosen.items():
         if not causes:

@@ -112,14 +112,27 @@ class DmaCause(Cause):
     """
 
     def material(self, constants: Float[Array, "sweep 4"], strength: Strength) -> Float[Array, "sweep 4"]:
-        """Constants of the solid of each sweep: relaxed, unrelaxed modulus [Pa], relaxation time [s], order."""
+        """Constants of the solid of each sweep with the cause in it.
+
+        Args:
+            constants: Without it, or as other causes left them: relaxed and unrelaxed modulus [Pa], relaxation time
+                [s], fractional order.
+            strength: Of the cause, in its unit; at 0 nothing changes.
+        """
         del strength
         return constants
 
     def measured(
         self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength
     ) -> Complex[Array, " row"]:
-        """Modulus that the instrument reports [Pa]."""
+        """Modulus that the instrument reports [Pa].
+
+        Args:
+            modulus: Of the material, or as other causes left it [Pa].
+            state: What each row was measured under.
+            strength: Of the cause, in its unit; at 0 nothing changes.
+            shape: Its second parameter; 0 for a cause without one.
+        """
         del state, strength, shape
         return modulus
 

@@ -1,10 +1,17 @@
 """Which causes of a library are looked for."""
 
+import difflib
 from collections.abc import Sequence
 
 from arfjax import InputError
 from inverse.diagnosis.cause import AnyCause, Cause, DmaCause, require_causes
+from inverse.diagnosis.causes import DMA_CAUSES
 from inverse.diagnosis.hmi.cause import HmiCause
+from inverse.diagnosis.hmi.causes import HMI_CAUSES
+
+_SAYS = ("name", "place", "unit", "sign", "plausible", "sentence", "helps", "source")
+"""What a cause has to say of itself."""
+_LIBRARIES: dict[str, tuple[Cause, ...]] = {"a DMA": DMA_CAUSES, "curves of displacement": HMI_CAUSES}
 
 
 def find_causes(wanted: Sequence[str | Cause], library: Sequence[AnyCause]) -> tuple[AnyCause, ...]:
@@ -15,16 +22,53 @@ def find_causes(wanted: Sequence[str | Cause], library: Sequence[AnyCause]) -> t
         library: Where names are looked up.
 
     Raises:
-        InputError: if there is none of a name, or a cause is of another kind than the library's.
+        InputError: if there is none of a name, two different ones have the same, or something is no cause, lacks what a
+            cause says of itself, or is of another kind than the library's.
     """
     require_causes(library)
     known, found = {cause.name: cause for cause in library}, {}
     kind = DmaCause if isinstance(library[0], DmaCause) else HmiCause
     for one in wanted:
-        if isinstance(one, str) and one not in known:
-            raise InputError(f"causes: there is no cause '{one}'; there are {', '.join(known)}.")
-        cause = known[one] if isinstance(one, str) else one
-        if not isinstance(cause, kind):
-            raise InputError(f"causes: '{cause.name}' is no {kind.__name__}: it belongs to another measurement.")
-        found[cause.name] = cause
+        if isinstance(one, str):
+            require_known([one], list(known))
+        cause = known[one] if isinstance(one, str) else _as_cause(one, kind)
+        if found.setdefault(cause.name, cause) is not cause:
+            raise InputError(f"causes: two are called '{cause.name}': give one of them another name.")
     return tuple(found.values())
+
+
+def require_known(wanted: Sequence[str], known: Sequence[str]) -> None:
+    """Refuse names of which there is no cause, and say which may be meant.
+
+    Args:
+        wanted: Names that a user wrote.
+        known: All that there are of these data.
+
+    Raises:
+        InputError: for the first name that is not among them.
+    """
+    for name in wanted:
+        if name in known:
+            continue
+        other = [kind for kind, causes in _LIBRARIES.items() if name in {cause.name for cause in causes}]
+        if other:
+            raise InputError(
+                f"causes: '{name}' is a cause of {other[0]}, not of these data; of these there are {', '.join(known)}."
+            )
+        close = difflib.get_close_matches(name, known, n=1)
+        meant = f" (is '{close[0]}' meant?)" if close else ""
+        raise InputError(f"causes: there is no cause '{name}'{meant}; there are {', '.join(known)}.")
+
+
+def _as_cause(one: object, kind: type[AnyCause]) -> AnyCause:
+    """What a user gave in place of a name, if it is a cause of the kind."""
+    if isinstance(one, type):
+        raise InputError(f"causes: {one.__name__} is a class; give a cause of it: {one.__name__}().")
+    if not isinstance(one, Cause):
+        raise InputError(f"causes: {one!r} is no cause: give names, or causes as CONTRIBUTING.md shows.")
+    missing = [word for word in _SAYS if not hasattr(one, word)]
+    if missing:
+        raise InputError(f"causes: {type(one).__name__} does not say its {', '.join(missing)}.")
+    if not isinstance(one, kind):
+        raise InputError(f"causes: '{one.name}' is no {kind.__name__}: it belongs to another measurement.")
+    return one

@@ -14,7 +14,7 @@ from inverse.datasets.dma import DmaData, Sweep, group_sweeps
 from inverse.diagnosis.cause import DmaConditions, Extension, predicted_modulus
 from inverse.diagnosis.noise import Ordering, series
 from inverse.diagnosis.screening import Alternative
-from inverse.dma_fit import DmaFit, SweepFit, ZenerModel, fit_sweeps
+from inverse.dma_fit import CONVENTIONAL, DmaFit, SweepFit, ZenerModel, fit_sweeps
 from inverse.dma_residuals import LogModulus
 from inverse.parameters import Parameter
 
@@ -181,7 +181,7 @@ def usable_sweeps(data: DmaData, model: ZenerModel) -> tuple[Sweep, ...]:
     if not sweeps:
         raise InputError(
             f"no sweep has more than {needed} frequencies, which is what the constants of the {model.name} model take; "
-            f"measure more frequencies at one temperature."
+            f"measure more frequencies at one temperature{_of_fewer(data, model)}."
         )
     numbers = sum(len(sweep.data) for sweep in sweeps) * (2 if data.has_phase else 1)
     spare = numbers - needed * len(sweeps)
@@ -191,6 +191,12 @@ def usable_sweeps(data: DmaData, model: ZenerModel) -> tuple[Sweep, ...]:
             f"least {LEAST_SPARE} are needed: measure more frequencies, or the phase."
         )
     return sweeps
+
+
+def _of_fewer(data: DmaData, model: ZenerModel) -> str:
+    """The model that would do with these, if there is one."""
+    enough = max(sweep.data.distinct_frequencies for sweep in group_sweeps(data)) > len(CONVENTIONAL.constants())
+    return ", or examine the conventional solid (model `zener`)" if model.fractional and enough else ""
 
 
 def _moved(fits: Sequence[SweepFit]) -> Float[np.ndarray, "sweep n"]:
@@ -331,7 +337,13 @@ def _predicted(constants, conditions, has_phase):
 
 @eqx.filter_jit
 def in_constants(constants, conditions, has_phase):
-    """Derivative of logarithm of the magnitude and phase in the constants: row, coordinate, sweep, constant."""
+    """Derivative of logarithm of the magnitude and phase in the constants: row, coordinate, sweep, constant.
+
+    Args:
+        constants: As reported, a row for each sweep.
+        conditions: Of every row.
+        has_phase: Whether phases were measured, or magnitudes alone.
+    """
     return jax.jacfwd(lambda c: predict_coordinates(c, conditions, (), jnp.zeros(0), has_phase))(constants)
 
 

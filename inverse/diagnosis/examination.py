@@ -115,7 +115,11 @@ class Examined:
         return self.decision.omnibus.alternatives[self.row(name)]
 
     def row(self, name: str) -> int:
-        """Where the test of everything has the most probable shape of the cause of this name."""
+        """Where the test of everything has the most probable shape of the cause of this name.
+
+        Raises:
+            KeyError: if these data cannot see it.
+        """
         row = self.decision.omnibus.best(name)
         if row is None:
             raise KeyError(f"these data cannot see {name}")
@@ -146,7 +150,14 @@ def extension_of(causes: Sequence[Cause], alternative: Alternative) -> Extension
 def visible_alternatives(
     alternatives: Sequence[Alternative], fitted: Float[np.ndarray, "n p"], size: float, causes: Sequence[Cause]
 ) -> tuple[list[Alternative], tuple[NotTestable, ...]]:
-    """Alternatives that the data can see, and why the others cannot be seen."""
+    """Alternatives that the data can see, and why the others cannot be seen.
+
+    Args:
+        alternatives: Of every cause, in every shape.
+        fitted: Derivatives in everything that was fitted.
+        size: Of the noise, in units of the weights.
+        causes: That the alternatives are of.
+    """
     seen, hidden = [], []
     for cause in causes:
         shapes = [a for a in alternatives if a.name == cause.name]
@@ -184,7 +195,13 @@ def detectable_strength(alternative: Alternative, visible: float, size: float) -
 def linear_strengths(
     alternatives: Sequence[Alternative], residuals: Float[np.ndarray, " n"], fitted: Float[np.ndarray, "n p"]
 ) -> Float[np.ndarray, " alternative"]:
-    """Strengths of alternatives of one direction each in the linearised model, all residuals weighing the same."""
+    """Strengths of alternatives of one direction each in the linearised model, all residuals weighing the same.
+
+    Args:
+        alternatives: That are put into the model together.
+        residuals: Without them.
+        fitted: Derivatives in everything that was fitted.
+    """
     columns = np.concatenate([*(alternative.directions for alternative in alternatives), fitted], axis=1)
     lengths = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     return (np.linalg.lstsq(columns / lengths, residuals, rcond=1e-10)[0] / lengths)[: len(alternatives)]

@@ -52,7 +52,14 @@ def absorbed_by_places(
     residuals: Float[np.ndarray, " n"],
     fitted: Float[np.ndarray, "n p"],
 ) -> tuple[Absorbed, ...]:
-    """Free forms by how improbable they are among all alternatives, then by themselves, with what each absorbs."""
+    """Free forms by how improbable they are among all alternatives, then by themselves, with what each absorbs.
+
+    Args:
+        tested: What the tests say of every alternative.
+        places: Free forms and their words; alternatives of other names are passed over.
+        residuals: Of the fit.
+        fitted: Derivatives in everything that was fitted.
+    """
     words = {place.name: place.words for place in places}
     basis = independent(fitted)
     left = residuals - basis @ (basis.T @ residuals)
@@ -123,6 +130,13 @@ def whiteness(
     Fitted residuals are correlated even if the noise is white: the p-values are against white noise, fitted alike. Of
     residuals of a fit that weighed them as correlated noise, what a fit in white noise would take goes first.
     Data beyond those that an axis knows, which are beliefs, are not looked at.
+
+    Args:
+        axes: Coordinates, and which data are neighbours along them.
+        residuals: Of the fit.
+        fitted: Derivatives in everything that was fitted.
+        rng: Draws the white noise.
+        replicates: Of it.
     """
     basis = independent(fitted)
     noise = rng.standard_normal((len(residuals), replicates))

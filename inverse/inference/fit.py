@@ -24,6 +24,7 @@ from inverse.inference.problem import Problem
 from inverse.least_squares import MultiStart, multi_start
 from inverse.minimise import multi_start_minimise
 from inverse.parameters import Parameter
+from inverse.precision import require_double_precision
 from inverse.transforms import Identity
 from inverse.uncertainty import Uncertainty, assess
 
@@ -110,8 +111,7 @@ def fit(
         InputError: if the method does not go with the problem, or the model's own values give no finite cost.
         ValueError: if JAX runs in single precision.
     """
-    if jnp.result_type(float) != jnp.float64:
-        raise ValueError("fits need double precision; call jax.config.update('jax_enable_x64', True) first.")
+    require_double_precision()
     problem = as_arrays(problem)
     chosen = method or _unbounded(problem)
     _check(problem, chosen, scale_errors)

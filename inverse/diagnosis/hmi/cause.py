@@ -87,7 +87,13 @@ class HmiCause(Cause):
     """A named cause of misfit of a curve of displacement."""
 
     def model(self, model: Model, strength: Strength, shape: Strength) -> Model:
-        """The model with its constants changed throughout."""
+        """The model with its constants changed throughout.
+
+        Args:
+            model: As it is, or as other causes left it.
+            strength: Of the cause, in its unit; at 0 nothing changes.
+            shape: Its second parameter; 0 for a cause without one.
+        """
         del strength, shape
         return model
 
@@ -99,8 +105,8 @@ class HmiCause(Cause):
         Args:
             temperature: What other causes make of it [degC].
             conditions: Of the states.
-            strength: Of the cause.
-            shape: Its second parameter.
+            strength: Of the cause, in its unit; at 0 nothing changes.
+            shape: Its second parameter; 0 for a cause without one.
         """
         del conditions, strength, shape
         return temperature
@@ -108,11 +114,26 @@ class HmiCause(Cause):
     def tissue(
         self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength
     ) -> TissueChange:
-        """How the tissue departs from its laws in each state."""
+        """How the tissue departs from its laws in each state.
+
+        Args:
+            change: What other causes make of it.
+            conditions: Of the states.
+            model: With what other causes changed throughout.
+            strength: Of the cause, in its unit; at 0 nothing changes.
+            shape: Its second parameter; 0 for a cause without one.
+        """
         del conditions, model, strength, shape
         return change
 
     def measured(self, displacement: States, conditions: HmiConditions, strength: Strength, shape: Strength) -> States:
-        """The displacement that the instrument reports, in units of that of the coldest state."""
+        """The displacement that the instrument reports.
+
+        Args:
+            displacement: Of the tissue, in units of that of the coldest state.
+            conditions: Of the states.
+            strength: Of the cause, in its unit; at 0 nothing changes.
+            shape: Its second parameter; 0 for a cause without one.
+        """
         del conditions, strength, shape
         return displacement

@@ -32,6 +32,7 @@ from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.where import Axis
 from inverse.hmi_model import plan_sweeps
 from inverse.inference.experiment import InferenceSettings, inference_settings
+from inverse.precision import require_double_precision
 
 _FIRST_SIZE = 0.02
 """Relative deviation of a reading that a fit starts from, where the data do not give it."""
@@ -85,6 +86,7 @@ def diagnose_hmi(
     """
     replicates = require_level(level, replicates)
     require_causes(causes)
+    require_double_precision("diagnoses")
     settings = require_diagnosable(data, described, name)
     if prepared is None:
         prepared = prepare_hmi(

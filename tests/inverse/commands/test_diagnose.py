@@ -110,4 +110,9 @@ def test_too_few_frequencies(tmp_path, capsys):
     assert run(["diagnose", "--dma", str(path), "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
     assert "no sweep has more than 4 frequencies" in said and "measure more" in said and "short.csv" in said
+    assert "zener" not in said  # three frequencies are too few for that, too
     assert not (tmp_path / "out").exists()
+    with path.open("a", newline="") as file:
+        csv.writer(file).writerow([8.0, 37.0, 1.08e4, 2e3])
+    assert run(["diagnose", "--dma", str(path), "--out", str(tmp_path / "out")]) == 2
+    assert "or examine the conventional solid (model `zener`)" in capsys.readouterr().err

@@ -1,20 +1,25 @@
 """`inverse.diagnose`: the command in one call."""
 
 import dataclasses
+import inspect
 import json
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import inverse
-from arfjax import InputError
+from arfjax import InputError, read_experiment
 from inverse.commands.main import run
 from inverse.datasets.dma import read_dma
+from inverse.datasets.hmi import read_hmi
+from inverse.datasets.shipped import shipped
 from inverse.datasets.table import unused
-from inverse.diagnosis import DMA_CAUSES, DmaCause, dma_diagnosis
+from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES, DmaCause, diagnose_hmi, dma_diagnosis
 from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.choice import find_causes
 from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.report import as_json, pairs_in_question, report
 from inverse.figures.residuals import residuals_figure
@@ -30,6 +35,12 @@ class Backlash(DmaCause):
 
     def measured(self, modulus, state, strength, shape):
         return modulus / (1.0 + strength * jnp.abs(modulus) / state.conditions.stiffest)
+
+
+class Speechless(DmaCause):
+    """A cause that does not say everything of itself."""
+
+    name, place, unit, sign, plausible, sentence = "speechless", "sample: voice", "1", 1, 0.1, "Nothing is said."
 
 
 @pytest.fixture(scope="module")
@@ -72,11 +83,48 @@ def test_a_cause_of_ones_own_joins_the_library(file):
 
 @pytest.mark.parametrize(
     ("wrong", "said"),
-    [({"causes": ["gremlins"]}, "there is no cause 'gremlins'"), ({"model": "maxwell"}, "fractional, zener")],
+    [
+        ({"causes": ["gremlins"]}, "there is no cause 'gremlins'"),
+        ({"causes": ["sweep-drfit"]}, r"\(is 'sweep-drift' meant\?\)"),
+        ({"causes": ["boiling"]}, "'boiling' is a cause of curves of displacement, not of these data"),
+        ({"causes": [Speechless()]}, "Speechless does not say its helps, source"),
+        ({"causes": [Backlash(), "slip", Backlash()]}, "two are called 'backlash'"),
+        ({"causes": HMI_CAUSES[:1]}, "'thermocouple-viscous-heating' is no DmaCause"),
+        ({"model": "maxwell"}, "fractional, zener"),
+        ({"seed": -1}, "`seed` must be 0 or more, got -1"),
+    ],
 )
 def test_wrong_names(file, wrong, said):
     with pytest.raises(InputError, match=said):
         inverse.diagnose(file, **wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (Backlash, r"Backlash is a class; give a cause of it: Backlash\(\)"),
+        (None, "None is no cause: give names, or causes as CONTRIBUTING.md shows"),
+    ],
+)
+def test_what_is_no_cause(wrong, said):
+    # As users have it, whose annotations nobody checks.
+    with pytest.raises(InputError, match=said):
+        inspect.unwrap(find_causes)(["slip", wrong], DMA_CAUSES)
+
+
+def test_single_precision_is_refused_before_anything_is_done(file):
+    jax.config.update("jax_enable_x64", False)
+    described = read_experiment(shipped("suomi2016_experiment"))
+    try:
+        for ask in (
+            lambda: inverse.diagnose(file),
+            lambda: inverse.diagnose(hmi="nowhere.csv", experiment="nowhere.toml"),
+            lambda: diagnose_hmi(read_hmi(shipped("suomi2016_hmi")), described),
+        ):
+            with pytest.raises(ValueError, match="diagnoses need double precision"):
+                ask()
+    finally:
+        jax.config.update("jax_enable_x64", True)
 
 
 def test_a_fit_that_failed_blames_no_physics(file, tmp_path, monkeypatch):
