@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all lint types format lock benchmark operating-characteristic operating-characteristic-zener operating-characteristic-hmi operating-characteristic-hmi-linear calibration clean
+.PHONY: demo test test-all lint types format lock benchmark operating-characteristic operating-characteristic-zener operating-characteristic-hmi operating-characteristic-hmi-linear real-measurements calibration clean
 
 demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measurements
 	$(BIN)/arfjax fit-dma $$($(BIN)/arfjax data pyvisco_polymer) --out results/demo/dma
@@ -74,6 +74,9 @@ operating-characteristic-hmi-linear: $(VENV)/.run  ## the same for displacement,
 operating-characteristic-hmi: $(VENV)/.run  ## the same on simulated data, two hours a round
 	$(BIN)/python -m benchmarks.diagnosis_hmi $(STUDY) $(if $(QUICK),--minutes 15 --out $(RECORDS)/diagnosis_hmi.jsonl,--out benchmarks/records/diagnosis_hmi.jsonl)
 	$(if $(QUICK),,$(BIN)/python -m benchmarks.diagnosis_intervals --workers $(WORKERS))
+
+real-measurements: $(VENV)/.run  ## docs/real_measurements.md, in a quarter of an hour
+	$(BIN)/python -m benchmarks.real_data --docs docs --workers $(WORKERS)
 
 calibration: $(VENV)/.run  ## docs/calibration.md, in three quarters of an hour; goes on where it was stopped
 	$(BIN)/python -m benchmarks.calibration --out results/benchmarks/calibration.json --docs docs

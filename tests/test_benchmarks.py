@@ -6,7 +6,16 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import acoustics, diagnosis, diagnosis_hmi, diagnosis_hmi_fast, inference, mechanics, protocols
+from benchmarks import (
+    acoustics,
+    diagnosis,
+    diagnosis_hmi,
+    diagnosis_hmi_fast,
+    inference,
+    mechanics,
+    protocols,
+    real_data,
+)
 from benchmarks.diagnosis_docs import write_docs
 from benchmarks.diagnosis_limits import Design, limits, projected_length, removed_limits
 from benchmarks.diagnosis_pages import compared
@@ -438,3 +447,28 @@ def test_limit_of_a_cause_is_that_of_designs_that_can_show_it():
     line = {"part": "known", "name": "seen", "verdict": "named", "noise": "white", "d_prime": 4.5, "first": "seen"}
     line |= {"named": ["seen"], "confusable": [], "possible": ["seen"], "seconds": 1.0}
     assert "limit" not in summarise([line], limits([blind_to_it], [4.5]))["known"]["4.5"]["seen"]
+
+
+def test_page_of_real_measurements_says_what_was_found(tmp_path):
+    gain = dict(
+        split="5 blocks", rmse_before=0.12, rmse_before_error=0.02, rmse_after=0.025, rmse_after_error=0.004,
+        log_score_gain=1.5, standard_error=0.2,
+    )  # fmt: skip
+    polymer = {
+        "verdict": "unexplained", "named": ["power-law-relaxation"],
+        "strengths": {"power-law-relaxation": [0.6, 0.5, 0.7]},
+        "gain": gain, "unexplained": "along frequency: 4 % below the model at 1 Hz",
+    }  # fmt: skip
+    measurement = {"words": "a push of 0.2 ms"}
+    curves = {
+        "seed": 3, "omnibus": {"p_value": 0.049}, "verdict": "confusable", "named": [], "gain": None,
+        "confusable": [["perfusion", "damage-law"]], "separation": [{"measurement": measurement}],
+        "not testable": ["boiling", "path-heating"], "facts": ["- Sonication 1, end: 96 at 84 degC measured."],
+    }  # fmt: skip
+    said = real_data.page({"polymer": polymer, "curves": [curves], "one frequency": [0.2, 0.5, 1.2]})
+    assert "`power-law-relaxation` is named (strength 0.6, 0.5 to 0.7)" in said
+    assert "from 12 ± 2 to 2.5 ± 0.4 %" in said and "4 % below the model at 1 Hz." in said
+    assert "error of 50 % " in said and "20 to 120)" in said
+    assert "| 3 | 0.049 | `confusable` | `perfusion`, `damage-law` | – |" in said
+    assert "boiling, path-heating. What would separate causes best: a push of 0.2 ms." in said
+    assert "96 at 84 degC measured" in said
