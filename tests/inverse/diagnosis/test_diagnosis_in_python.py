@@ -286,6 +286,14 @@ def test_it_is_said_which_model_leaves_what_and_whose_strengths_are_of_two(file)
     assert "Of what the model without causes leaves" in report(dataclasses.replace(found, extended=None), "these", [])
 
 
+@pytest.mark.parametrize(("statistic", "near"), [(3.2, True), (-3.2, True), (9.0, False)])
+def test_a_strength_that_is_just_seen_is_said_to_be_probably_too_high(file, statistic, near):
+    found = inverse.diagnose(file, causes=["sweep-drift", "slip"], gain=False).details
+    causes = [dataclasses.replace(one, statistic=statistic) for one in found.causes]
+    text = report(dataclasses.replace(found, causes=tuple(causes)), "these data", [])
+    assert ("it is probably overestimated" in text) == near
+
+
 def test_what_is_left_is_drawn_against_every_coordinate_with_the_correction_of_no_name(file):
     found = inverse.diagnose(file, causes=["slip"], gain=False).details
     found = dataclasses.replace(found, verdict="unexplained", extended=None)
