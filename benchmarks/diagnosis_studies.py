@@ -140,8 +140,8 @@ HMI_STUDY = Study(
         "within 0.47 standard errors of the noise (0.20 as a root mean square), those of `perfusion` 0.8 too high and, "
         "at d' 6, 2.9 too low (`python -m benchmarks.diagnosis_intervals`): the likelihood is rough there. The three "
         "intervals that miss, of `conductivity-change`, `damage-law` and `lesion-stiffness-law`, are of strengths that "
-        "come out within 0.1, 0.5 and 0.3 without noise: 27 or fewer of 30 is what 95 in 100 give in one of five rounds, "
-        "or intervals are a little short; of this round and the one before 56 of 60 hold the truth.",
+        "come out within 0.1, 0.5 and 0.3 without noise: 27 or fewer of 30 is what 95 in 100 give in one of five "
+        "rounds, or intervals are a little short; of this round and the one before 56 of 60 hold the truth.",
         "Noise that is larger than stated, weak effects without a name and many sets without an effect are on [linear "
         "data](operating_characteristic_hmi_linear.md).",
     ),
