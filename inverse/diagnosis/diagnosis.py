@@ -175,8 +175,13 @@ def failed(account: Account, problem: Any, residuals, audit: Sequence[str], *, l
     )
 
 
-def require_level(level: float, replicates: int | None = None) -> int:
+def require_level(level: float, replicates: int | None = None, *, few: bool = False) -> int:
     """Refuse a level that is out of range, or that replicates cannot show.
+
+    Args:
+        level: Of the test of everything.
+        replicates: Of noise alone; as many as the level needs, if not said.
+        few: Whether data are few.
 
     Returns:
         How many to draw: as said, or as many as the level needs.
@@ -187,7 +192,7 @@ def require_level(level: float, replicates: int | None = None) -> int:
     if not LOWEST_LEVEL <= level <= HIGHEST_LEVEL:
         raise InputError(f"`level` must be from {LOWEST_LEVEL:g} to {HIGHEST_LEVEL:g}, got {level:g}.")
     if replicates is None:
-        return replicates_at(level)
+        return replicates_at(level, few=few)
     shown = min(level, SET_LEVEL, GATE_LEVEL)
     needed = math.ceil(2.0 / shown) - 1
     if replicates < needed:

@@ -71,7 +71,7 @@ def diagnose_hmi(
         causes: The library to look in.
         level: Probability of finding something wrong where nothing is.
         seed: Of starts, draws and replicates.
-        replicates: Data sets of noise alone that error rates are calibrated on: if not said 400, more at lower levels.
+        replicates: Data sets of noise alone that error rates are calibrated on: if not said 1600, more at lower levels.
         gain: Whether to measure the held-out gain.
         effort: How much goes into the fast simulation.
         discretisation: Of the full simulation that the fast one learns from; see `prepare_hmi` if not given.
@@ -84,7 +84,7 @@ def diagnose_hmi(
             `replicates` is out of range.
         ValueError: if JAX runs in single precision.
     """
-    replicates = require_level(level, replicates)
+    replicates = require_level(level, replicates, few=True)
     require_causes(causes)
     require_double_precision("diagnoses")
     settings = require_diagnosable(data, described, name)
@@ -117,14 +117,14 @@ def diagnose_curves(
         causes: The library to look in.
         level: Probability of finding something wrong where nothing is.
         seed: Of starts, draws and replicates.
-        replicates: Data sets of noise alone that error rates are calibrated on: if not said 400, more at lower levels.
+        replicates: Data sets of noise alone that error rates are calibrated on: if not said 1600, more at lower levels.
         gain: Whether to measure the held-out gain.
         on_step: Told what is being done.
 
     Raises:
         InputError: if there are no causes, or `level` or `replicates` is out of range.
     """
-    replicates = require_level(level, replicates)
+    replicates = require_level(level, replicates, few=True)
     require_causes(causes)
     on_step("fitting")
     null, size, audit = _fitted(problem, corrected, seed, on_step)

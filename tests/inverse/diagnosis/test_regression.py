@@ -78,6 +78,8 @@ def test_too_few_replicates_for_a_level_are_refused():
 
 def test_lower_levels_have_more_replicates():
     assert [require_level(level) for level in (0.5, 0.05, 0.01, 0.005)] == [400, 400, 2000, 4000]
+    assert [require_level(level, few=True) for level in (0.05, 0.005)] == [1600, 16000]
+    assert require_level(0.05, 199, few=True) == 199
 
 
 @pytest.mark.parametrize("level", [0.004, 0.6, 1.0])
