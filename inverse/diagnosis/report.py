@@ -106,7 +106,8 @@ def report(
         omnibus = found.decision.omnibus
         lines += [
             f"That noise alone looks as bad: p {_p(omnibus.p_value, omnibus.least_p, '= ')} (level {found.level:g}, "
-            f"calibrated on replicates of these residuals{_allowance(omnibus)}). Null model: {found.account.sentence}.",
+            f"calibrated on {_replicates(omnibus)} replicates of these residuals{_allowance(omnibus)})."
+            f"{_by_chance(omnibus, found.level)} Null model: {found.account.sentence}.",
             "",
         ]
     lines += [f"- {note}" for note in (*remarks, *found.account.notes)]
@@ -116,6 +117,22 @@ def report(
         lines += ["## What the fits say about themselves", "", *(f"- {remark}" for remark in found.audit), ""]
     lines += _noise(found) + _named(found, apart) + _table(found) + _where(found) + _hidden(found)
     return "\n".join(lines)
+
+
+def _replicates(tested: Evidence) -> int:
+    """How many were drawn."""
+    return round(tested.allowance / tested.least_p) - 1
+
+
+def _by_chance(tested: Evidence, level: float) -> str:
+    """That replicates of another seed may put the p-value on the other side of the level, where they may."""
+    share = tested.p_value / tested.allowance
+    scatter = tested.allowance * math.sqrt(share * (1.0 - share) / (1 + _replicates(tested)))
+    if abs(tested.p_value - level) > 2.0 * scatter:
+        return ""
+    return (
+        f" (By replicates alone p scatters by {scatter:.1g}: other seeds may find it on the other side of the level.)"
+    )
 
 
 def _allowance(tested: Evidence) -> str:

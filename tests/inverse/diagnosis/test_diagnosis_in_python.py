@@ -286,6 +286,19 @@ def test_it_is_said_which_model_leaves_what_and_whose_strengths_are_of_two(file)
     assert "Of what the model without causes leaves" in report(dataclasses.replace(found, extended=None), "these", [])
 
 
+@pytest.mark.parametrize(("p_value", "near"), [(0.003, False), (0.035, True), (0.065, True), (0.2, False)])
+def test_that_another_seed_may_find_otherwise_is_said_near_the_level(file, p_value, near):
+    """Of 400 replicates the standard error of a p of 0.05 is 0.011."""
+    found = inverse.diagnose(file, causes=["slip"], gain=False).details
+    assert found.decision is not None
+    omnibus = dataclasses.replace(found.decision.omnibus, p_value=p_value)
+    text = report(
+        dataclasses.replace(found, decision=dataclasses.replace(found.decision, omnibus=omnibus)), "these", []
+    )
+    assert "calibrated on 400 replicates of these residuals" in text
+    assert ("other seeds may find it on the other side of the level" in text) == near
+
+
 @pytest.mark.parametrize(("statistic", "near"), [(3.2, True), (-3.2, True), (9.0, False)])
 def test_a_strength_that_is_just_seen_is_said_to_be_probably_too_high(file, statistic, near):
     found = inverse.diagnose(file, causes=["sweep-drift", "slip"], gain=False).details
