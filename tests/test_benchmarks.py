@@ -173,8 +173,13 @@ def test_records_of_other_code_are_not_added_to_but_summed_up_and_said_to_be(tmp
     assert code_of(made, "that").startswith("Seeds from 5 to 5. Judged by code of the stamp this: ")
     assert stamp_on(f"A page. {code_of(made, 'that')}") == "this" and stamp_on("Another.") == ""
     given.out.write_text(given.out.read_text() + '{"part": "null", "seed": 6, "stamp": "another"}\n')
-    with pytest.raises(SystemExit, match="made by one code"):
+    with pytest.raises(SystemExit, match="if it is all of one code"):
         recorded(lambda *_: {}, todo, given, "that")
+    given.anew, given.minutes = True, 1.0
+    again = recorded(lambda condition, seed: {"part": condition.part, "seed": seed}, todo, given, "that")
+    assert again == [{"part": "null", "seed": 5, "stamp": "that"}]
+    assert [json.loads(row) for row in given.out.read_text().splitlines()] == again
+    assert recorded(lambda *_: pytest.fail("it is of this code"), todo, given, "that") == again
     assert stamp(["tests/test_benchmarks.py"]) != stamp(["tests/test_benchmarks.py", "benchmarks/spread.py"])
 
 
