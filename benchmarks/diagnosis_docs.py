@@ -201,6 +201,10 @@ def _words(one: Rate) -> str:
     return f"{100.0 * one['rate']:.1f} ± {100.0 * one['error']:.1f}"
 
 
+def _in_a_text(one: Rate) -> str:
+    return f"{_words(one)} %" if one["sets"] >= _COUNTED else _words(one)
+
+
 def _asked(summary: dict[str, Any]) -> list[str]:
     """Every number that was asked for, beside the measured one."""
     rows = [
@@ -315,8 +319,8 @@ def _strange(summary: dict[str, Any], study: Study) -> list[str]:
 def _left(limit: dict[str, dict[str, dict[str, Any]]], seen: dict[str, dict[str, Any]]) -> list[str]:
     """What a stand-in leaves of a missing cause, and what became of those of which that is enough."""
     enough = "; ".join(
-        f"d' = {d}: unexplained {_words(seen[d]['unexplained'])} %, named {_words(seen[d]['named'])} %, in a set of "
-        f"names {_words(seen[d]['confusable'])} % ({seen[d]['named']['sets']} sets)"
+        f"d' = {d}: unexplained {_in_a_text(seen[d]['unexplained'])}, named {_in_a_text(seen[d]['named'])}, in a set "
+        f"of names {_in_a_text(seen[d]['confusable'])} ({seen[d]['named']['sets']} sets)"
         for d in sorted(seen, key=float)
     )
     said = f"Those of which who looks for the rest sees it in at least {100.0 * SEEN:g} of 100, the noise unknown: "

@@ -231,11 +231,11 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
     )
     assert "of those detected, unexplained, at most 5 | 25.0" in page and "| 20 | no |" in page
     # Of one data set, nothing is met or not.
-    assert "wrongly named, at most 5 | 0.0 ± 25.0 |  |  | 1 | too few |" in page
+    assert "wrongly named, at most 5 | 0 of 1 |  |  | 1 | too few |" in page
     assert "| 9 | slip | sweep-drift | 4.0 | 99 | 90 |" in page
     assert "conspicuous at 5 %" in page and "has a p below" not in page
     assert "| 9 | drying | no strength of it shows | – | – | – |" in page
-    assert "at least 90 of 100, the noise unknown: d' = 9: unexplained 100.0 ± 25.0 %, named 0.0 ± 25.0 %" in page
+    assert "at least 90 of 100, the noise unknown: d' = 9: unexplained 1 of 1, named 0 of 1" in page
     others = {"slip": left | {"noise unknown": 0.89}, "drying": left}
     assert summarise(lines, limit, {"9": others})["removed, to be seen"] == {}
     assert (tmp_path / DMA_STUDY.picture).stat().st_size > 10_000
@@ -253,9 +253,9 @@ def test_page_of_displacement_needs_no_limit_of_removed_causes(tmp_path):
     limit = {f"{d:g}": {"perfusion": {"detected": 0.97, "first": 0.8}} for d in (4.5, 6.0)}
     write_docs({"seeds": "test", **summarise(lines, limit)}, tmp_path, HMI_STUDY)
     page = (tmp_path / HMI_STUDY.page).read_text()
-    assert "displacement" in page and "| d' = 4.5: detected, at least 93, or 3 below the limit | 0.0" in page
+    assert "displacement" in page and "| d' = 4.5: detected, at least 93, or 3 below the limit | 0 of 1 |" in page
     assert "has a p below 0.25, and no pair" in page and "0.35 if by a nat" in page and "conspicuous at 5 %" not in page
-    assert "| 9 | perfusion | 0.0 ± 25.0 | 0.0 ± 25.0 | 0.0 ± 25.0 | 100.0 ± 25.0 | 1 |" in page
+    assert "| 9 | perfusion | 0 of 1 | 0 of 1 | 0 of 1 | 1 of 1 | 1 |" in page
     assert (tmp_path / HMI_STUDY.picture).stat().st_size > 10_000
 
 
