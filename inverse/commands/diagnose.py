@@ -15,9 +15,9 @@ from inverse.diagnosed import MODELS, Diagnosed, diagnose
 from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES
 from inverse.diagnosis.cause import Cause
 from inverse.diagnosis.choice import find_causes, require_known
-from inverse.diagnosis.diagnosis import HIGHEST_LEVEL, LOWEST_LEVEL, require_level
 from inverse.diagnosis.dma_problem import usable_sweeps
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
+from inverse.diagnosis.level import HIGHEST_LEVEL, LOWEST_LEVEL, require_level
 from inverse.diagnosis.report import pairs_in_question
 from inverse.dma_fit import ZenerModel
 from inverse.output import output_directory, sha256, write_summary

@@ -1,29 +1,23 @@
 """From an examined data set to the answer, whatever was measured."""
 
 import dataclasses
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
-from arfjax import InputError
 from inverse.diagnosis.cause import Cause, Extension
-from inverse.diagnosis.decision import Decision, replicates_at
-from inverse.diagnosis.evidence import ALLOWANCE
+from inverse.diagnosis.decision import Decision
 from inverse.diagnosis.examination import DETECTABLE, Examined, FullFit, NotTestable
 from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.noise_gate import GATE_LEVEL, NoiseGate, Repeats, noise_gate
+from inverse.diagnosis.noise_gate import NoiseGate, Repeats, noise_gate
 from inverse.diagnosis.regression import Regression
-from inverse.diagnosis.rule import SET_LEVEL
 from inverse.diagnosis.screening import Screen
 from inverse.diagnosis.where import Absorbed, Axis, Whiteness, absorbed_by_places, whiteness
 
 VERDICTS = ("adequate", "named", "confusable", "unexplained", "noise-model", "fit-failure")
-LOWEST_LEVEL, HIGHEST_LEVEL = 0.005, 0.5
-"""Lower ones were never tried; above it nothing is a level."""
 DOMINANT_SHARE, DOMINANT_RATIO = 0.25, 2.0
 """A cause is named although something is left if it leaves at most this part of the sum of squares, and the next best
 cause leaves at least this many times as much."""
@@ -173,35 +167,6 @@ def failed(account: Account, problem: Any, residuals, audit: Sequence[str], *, l
     return Diagnosis(
         "fit-failure", level, account, problem, residuals, None, (), (), None, (), (), None, None, tuple(audit), seed
     )
-
-
-def require_level(level: float, replicates: int | None = None, *, few: bool = False) -> int:
-    """Refuse a level that is out of range, or that replicates cannot show.
-
-    Args:
-        level: Of the test of everything.
-        replicates: Of noise alone; as many as the level needs, if not said.
-        few: Whether data are few.
-
-    Returns:
-        How many to draw: as said, or as many as the level needs.
-
-    Raises:
-        InputError: if it is out of range, or replicates are too few for it.
-    """
-    if not LOWEST_LEVEL <= level <= HIGHEST_LEVEL:
-        raise InputError(f"`level` must be from {LOWEST_LEVEL:g} to {HIGHEST_LEVEL:g}, got {level:g}.")
-    if replicates is None:
-        return replicates_at(level, few=few)
-    shown = min(level, SET_LEVEL, GATE_LEVEL)
-    needed = math.ceil(2.0 / shown) - 1
-    if replicates < needed:
-        raise InputError(
-            f"`replicates` must be {needed} or more to show a level of {shown:g}, got {replicates}: the least p-value "
-            f"that n of them can show is 1/(n + 1), of curves {ALLOWANCE:g} times that. Causes are ruled out, and "
-            f"noise is judged, at a level of {SET_LEVEL:g}."
-        )
-    return replicates
 
 
 def conclude(

@@ -7,12 +7,13 @@ import numpy as np
 from inverse.datasets.dma import DmaData, frequency_groups
 from inverse.diagnosis.cause import DmaCause, require_causes
 from inverse.diagnosis.causes import DMA_CAUSES
-from inverse.diagnosis.diagnosis import Diagnosis, conclude, failed, require_level
+from inverse.diagnosis.diagnosis import Diagnosis, conclude, failed
 from inverse.diagnosis.dma_account import DmaAccount
 from inverse.diagnosis.dma_examination import examine_dma
 from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
 from inverse.diagnosis.examination import FullFit
 from inverse.diagnosis.gain import Gain, held_out_gain
+from inverse.diagnosis.level import require_level
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.noise_gate import Repeats
 from inverse.diagnosis.where import Axis

@@ -8,7 +8,7 @@ import numpy as np
 from arfjax import Discretisation, Effort, Experiment, InputError
 from inverse.datasets.hmi import HmiData
 from inverse.diagnosis.cause import require_causes
-from inverse.diagnosis.diagnosis import Diagnosis, conclude, failed, require_level
+from inverse.diagnosis.diagnosis import Diagnosis, conclude, failed
 from inverse.diagnosis.examination import FullFit
 from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.hmi.account import HmiAccount
@@ -28,6 +28,7 @@ from inverse.diagnosis.hmi.prepare import (
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.program import HmiProgram
 from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_full
+from inverse.diagnosis.level import require_level
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.where import Axis
 from inverse.hmi_model import plan_sweeps

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from arfjax import InputError
-from inverse.diagnosis.diagnosis import require_level
+from inverse.diagnosis.level import require_level
 from inverse.diagnosis.noise import noise_family, series
 from inverse.diagnosis.regression import Regression
 
