@@ -54,7 +54,8 @@ benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
 	$(BIN)/python -m benchmarks.diagnosis_speed --out results/benchmarks/diagnosis_speed.json
 
 # Rates of the diagnosis, each page by one command, WORKERS data sets at a time. A study goes on where it was stopped,
-# and begins again where the code has changed. QUICK=1: minutes, and pages into results/docs.
+# and begins again where the code has changed: choose new seeds first (FIRST_TEST_SEED) if the old ones changed it.
+# QUICK=1: minutes, and pages into results/docs.
 WORKERS ?= 2
 STUDY := --workers $(WORKERS) --docs $(if $(QUICK),results/docs,docs) --anew
 RECORDS := $(if $(QUICK),results/quick,results/benchmarks)

@@ -73,7 +73,7 @@ def arguments(description: str | None, *, out: str, sets: int) -> argparse.Argum
     parser.add_argument("--sets", type=int, default=sets, help="rounds: sets of each condition")
     parser.add_argument("--only", default="", help="known, null, unknown, removed, or a noise")
     parser.add_argument("--minutes", type=float, default=np.inf, help="stop after so long; 0: sum up what there is")
-    parser.add_argument("--anew", action="store_true", help="lines of other code give way to those of this")
+    parser.add_argument("--anew", action="store_true", help="lines of other code give way; mind their seeds")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     parser.add_argument("--development", action="store_true", help="seeds on which things may be tried")
     parser.add_argument("--docs", type=Path, help="folder for the table and the figure")
@@ -94,6 +94,8 @@ def recorded(
         given: What `arguments` read.
         made_by: Stamp of the code.
 
+    With `--anew` lines of other code are dropped; if what they showed changed the code, new seeds have to be chosen.
+
     Raises:
         SystemExit: if lines were made by other code.
     """
@@ -102,7 +104,7 @@ def recorded(
     stamps = {line.get("stamp") for line in lines}
     if given.minutes <= 0.0 and len(stamps) == 1:
         return lines
-    if given.anew and stamps - {made_by}:
+    if given.anew and given.minutes > 0.0 and stamps - {made_by}:
         lines, stamps = [], set()
         given.out.unlink()
     if stamps - {made_by}:

@@ -128,7 +128,7 @@ def test_seeds_of_either_model_are_apart():
     assert found[1] - found[0] == {"power-law-relaxation"} and {one.model for one, _ in test["zener"]} == {"zener"}
 
 
-def test_noise_correlated_in_time_is_white_along_frequency_where_that_is_another_order():
+def test_noise_correlated_in_time_is_hardly_so_along_frequency_where_that_is_another_order():
     rng = np.random.default_rng(3)
     alike = {"time": [], "frequency": []}
     for _ in range(300):
@@ -175,7 +175,11 @@ def test_records_of_other_code_are_not_added_to_but_summed_up_and_said_to_be(tmp
     given.out.write_text(given.out.read_text() + '{"part": "null", "seed": 6, "stamp": "another"}\n')
     with pytest.raises(SystemExit, match="if it is all of one code"):
         recorded(lambda *_: {}, todo, given, "that")
-    given.anew, given.minutes = True, 1.0
+    given.anew, before = True, given.out.read_text()
+    with pytest.raises(SystemExit, match="if it is all of one code"):
+        recorded(lambda *_: {}, todo, given, "that")
+    assert given.out.read_text() == before  # nothing is dropped where nothing is made
+    given.minutes = 1.0
     again = recorded(lambda condition, seed: {"part": condition.part, "seed": seed}, todo, given, "that")
     assert again == [{"part": "null", "seed": 5, "stamp": "that"}]
     assert [json.loads(row) for row in given.out.read_text().splitlines()] == again
@@ -454,7 +458,7 @@ def test_limit_of_a_cause_is_that_of_designs_that_can_show_it():
     assert "limit" not in summarise([line], limits([blind_to_it], [4.5]))["known"]["4.5"]["seen"]
 
 
-def test_page_of_real_measurements_says_what_was_found(tmp_path):
+def test_page_of_real_measurements_says_what_was_found():
     gain = dict(
         split="5 blocks", rmse_before=0.12, rmse_before_error=0.02, rmse_after=0.025, rmse_after_error=0.004,
         log_score_gain=1.5, standard_error=0.2,

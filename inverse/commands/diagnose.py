@@ -14,7 +14,7 @@ from inverse.datasets.hmi import read_hmi
 from inverse.diagnosed import MODELS, Diagnosed, diagnose
 from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES
 from inverse.diagnosis.cause import Cause
-from inverse.diagnosis.choice import find_causes, require_known
+from inverse.diagnosis.choice import find_causes, names_in, require_known
 from inverse.diagnosis.dma_problem import usable_sweeps
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
 from inverse.diagnosis.level import HIGHEST_LEVEL, LOWEST_LEVEL, require_level
@@ -81,9 +81,7 @@ def diagnose_command(
         raise InputError("diagnose needs data: --dma FILE, or --hmi FILE with an experiment file.")
     if hmi is not None and experiment is None:
         raise InputError("HMI is diagnosed in its experiment: give the experiment file (TOML) before the options.")
-    wanted = [name.strip() for name in causes.split(",") if name.strip()]
-    if causes and not wanted:
-        raise InputError(f"--causes: names by commas are expected, got '{causes}'; leave it out to look for all.")
+    wanted = names_in(causes)
     parts = {kind: file for kind, file in (("dma", dma), ("hmi", hmi)) if file is not None}
     chosen, places = _chosen(wanted, list(parts)), _places(list(parts))
     if dma is None and (trust_units or model is not NullModel.FRACTIONAL):

@@ -37,6 +37,21 @@ def find_causes(wanted: Sequence[str | Cause], library: Sequence[AnyCause]) -> t
     return tuple(found.values())
 
 
+def names_in(text: str) -> list[str]:
+    """Names by commas, as the option `--causes` has them; none where it is left out.
+
+    Args:
+        text: As a user wrote it.
+
+    Raises:
+        InputError: if there is a text and no name in it.
+    """
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if text and not names:
+        raise InputError(f"--causes: names by commas are expected, got '{text}'; leave it out to look for all.")
+    return names
+
+
 def require_known(wanted: Sequence[str], known: Sequence[str]) -> None:
     """Refuse names of which there is no cause, and say which may be meant.
 

@@ -279,6 +279,7 @@ def test_reference_outside_the_protocol(capfd, tmp_path, table):
         (["diagnose", "--dma", "{data}", "--out", "out"], "measured.csv: no sweep has more than 4 frequencies"),
         (["design", "--dma", "{data}", "--out", "out"], "measured.csv: no sweep has more than 4 frequencies"),
         (["design", "--dma", "{data}", "--out", "out", "--causes", "gremlins"], "there is no cause 'gremlins'"),
+        (["design", "--dma", "{data}", "--out", "out", "--causes", ","], "names by commas are expected, got ','"),
         (["design", "{data}", "--dma", "{data}", "--out", "out"], "an experiment file is of HMI"),
         (["design", "{data}", "--hmi", "{data}", "--out", "out", "--trust-units"], "--trust-units and --model are of"),
         (["data", "unknown"], "no shipped data set is called 'unknown'"),
