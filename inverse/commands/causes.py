@@ -7,11 +7,9 @@ from typing import Annotated
 import typer
 
 from inverse.commands.console import show_lines, show_table
-from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES
 from inverse.diagnosis.cause import Cause
-from inverse.diagnosis.choice import require_known
+from inverse.diagnosis.choice import LIBRARIES, require_known
 
-_LIBRARIES: dict[str, Sequence[Cause]] = {"DMA": DMA_CAUSES, "HMI": HMI_CAUSES}
 _COLUMNS = ("cause", "where in the model", "plausible", "unit")
 _WIDTH = 100
 
@@ -22,16 +20,16 @@ def causes_command(
 ) -> None:
     """List the causes that `diagnose` looks for, or say what one is, what would show it, and where it is from."""
     if name:
-        known = {one.name: one for library in _LIBRARIES.values() for one in library}
+        known = {one.name: one for library in LIBRARIES.values() for one in library}
         require_known([name], list(known))
         show_lines(_described(known[name]))
         return
-    for kind, library in _LIBRARIES.items():
+    for kind, library in LIBRARIES.items():
         if markdown:
-            show_lines([f"### {kind}", "", *_table(library), ""])
+            show_lines([f"### {kind.upper()}", "", *_table(library), ""])
         else:
             rows = [[one.name, one.place, _plausible(one), one.unit] for one in library]
-            show_table(f"causes of misfit of {kind}", _COLUMNS, rows, left=2)
+            show_table(f"causes of misfit of {kind.upper()}", _COLUMNS, rows, left=2)
 
 
 def _plausible(cause: Cause) -> str:

@@ -16,8 +16,7 @@ from inverse.datasets.table import unused
 from inverse.design import design_dma, design_hmi
 from inverse.design.report import as_json, report
 from inverse.diagnosed import MODELS
-from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES
-from inverse.diagnosis.choice import find_causes, names_in
+from inverse.diagnosis.choice import LIBRARIES, find_causes, names_in
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
 from inverse.figures.design import design_figure
 from inverse.output import output_directory, write_figures, write_json, write_summary
@@ -53,7 +52,7 @@ def design_command(
     if dma is None and (trust_units or model is not NullModel.FRACTIONAL):
         raise InputError("--trust-units and --model are of a DMA: leave them out with --hmi.")
     wanted = names_in(causes)
-    find_causes(wanted, HMI_CAUSES if dma is None else DMA_CAUSES)
+    find_causes(wanted, LIBRARIES["hmi" if dma is None else "dma"])
     given = {"dma": dma, "hmi": hmi, "experiment": experiment}
     with output_directory(out) as folder:
         with working("designing") as show:

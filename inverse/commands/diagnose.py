@@ -12,9 +12,8 @@ from inverse.commands.console import show_lines, show_table, staged_bar
 from inverse.datasets.dma import DmaData, read_dma
 from inverse.datasets.hmi import read_hmi
 from inverse.diagnosed import MODELS, Diagnosed, diagnose
-from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES
 from inverse.diagnosis.cause import Cause
-from inverse.diagnosis.choice import find_causes, names_in, require_known
+from inverse.diagnosis.choice import LIBRARIES, find_causes, names_in, require_known
 from inverse.diagnosis.dma_problem import usable_sweeps
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
 from inverse.diagnosis.level import HIGHEST_LEVEL, LOWEST_LEVEL, require_level
@@ -159,11 +158,10 @@ def _chosen(wanted: list[str], kinds: list[str]) -> dict[str, tuple[Cause, ...]]
     Raises:
         InputError: if a name is in no library.
     """
-    libraries: dict[str, tuple[Cause, ...]] = {"dma": DMA_CAUSES, "hmi": HMI_CAUSES}
     if len(kinds) == 1:
-        return {kinds[0]: find_causes(wanted or libraries[kinds[0]], libraries[kinds[0]])}
-    require_known(wanted, [cause.name for kind in kinds for cause in libraries[kind]])
-    chosen = {kind: tuple(c for c in libraries[kind] if not wanted or c.name in wanted) for kind in kinds}
+        return {kinds[0]: find_causes(wanted or LIBRARIES[kinds[0]], LIBRARIES[kinds[0]])}
+    require_known(wanted, [cause.name for kind in kinds for cause in LIBRARIES[kind]])
+    chosen = {kind: tuple(c for c in LIBRARIES[kind] if not wanted or c.name in wanted) for kind in kinds}
     for kind, causes in chosen.items():
         if not causes:
             raise InputError(

@@ -11,7 +11,9 @@ from inverse.diagnosis.hmi.causes import HMI_CAUSES
 
 _SAYS = ("name", "place", "unit", "sign", "plausible", "sentence", "helps", "source")
 """What a cause has to say of itself."""
-_LIBRARIES: dict[str, tuple[Cause, ...]] = {"a DMA": DMA_CAUSES, "curves of displacement": HMI_CAUSES}
+LIBRARIES: dict[str, tuple[Cause, ...]] = {"dma": DMA_CAUSES, "hmi": HMI_CAUSES}
+"""All causes of each measurement, which the commands name thus."""
+_CALLED = {"dma": "a DMA", "hmi": "curves of displacement"}
 
 
 def find_causes(wanted: Sequence[str | Cause], library: Sequence[AnyCause]) -> tuple[AnyCause, ...]:
@@ -65,7 +67,7 @@ def require_known(wanted: Sequence[str], known: Sequence[str]) -> None:
     for name in wanted:
         if name in known:
             continue
-        other = [kind for kind, causes in _LIBRARIES.items() if name in {cause.name for cause in causes}]
+        other = [_CALLED[kind] for kind, causes in LIBRARIES.items() if name in {cause.name for cause in causes}]
         if other:
             raise InputError(
                 f"causes: '{name}' is a cause of {other[0]}, not of these data; of these there are {', '.join(known)}."
