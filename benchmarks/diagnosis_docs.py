@@ -80,7 +80,7 @@ def figure(summary: dict[str, Any]) -> Figure:
     attribution.set(title="Which cause?", xlim=(2.6, 6.4), ylim=(min(0.5, attribution.get_ylim()[0]), 1.02))
     for axis in (power, attribution):
         axis.set_xlabel("d': effect left after the fit, over the noise")
-    power.legend(loc="upper left", frameon=False)
+    power.legend(loc=(0.02, 0.12), frameon=False)
     attribution.legend(loc="lower right", frameon=False)
     _false_alarms(alarm, {noise: one["alarm"] for noise, one in summary["null"].items()})
     _fates(strange, summary)
@@ -105,13 +105,11 @@ def _false_alarms(axis: Axes, null: dict[str, Rate]) -> None:
     )
     axis.axvline(5.0, color="0.4", lw=0.9)
     axis.axvline(6.0, color="0.4", lw=0.9, ls="--")
-    axis.annotate(
-        "level; dashed: asked for at most", (6.0, -0.62), (4, 0), textcoords="offset points", va="center", color="0.4",
-        fontsize=9,
-    )  # fmt: skip
-    axis.set_yticks(range(len(names)), [f"{n}, n = {null[n]['sets']}" for n in names])
-    axis.invert_yaxis()
-    axis.set(title="False alarms, nothing hidden", xlabel="of 100 data sets", ylim=(len(names) - 0.4, -0.9))
+    sets = {null[n]["sets"] for n in names}
+    each = f" ({sets.copy().pop()} sets each)" if len(sets) == 1 else ""
+    axis.set_yticks(range(len(names)), [n if each else f"{n}, n = {null[n]['sets']}" for n in names])
+    axis.set(title=f"False alarms, nothing hidden{each}", ylim=(len(names) - 0.4, -0.6))
+    axis.set_xlabel("of 100 data sets (line: level; dashed: asked for at most)")
     axis.set_xlim(0.0, min(100.0, max(10.0, axis.get_xlim()[1])))
 
 
@@ -127,9 +125,8 @@ def _fates(axis: Axes, summary: dict[str, Any]) -> None:
         axis.barh([name for name, _ in rows], width, left=left, color=colour, label=_WORDS[verdict], height=0.6)
         left += width
     axis.invert_yaxis()
-    axis.set(title="Effects without a name", xlim=(0.0, 100.0))
-    axis.set_xlabel("of 100 data sets", labelpad=22)
-    axis.legend(loc="upper center", bbox_to_anchor=(0.4, -0.07), ncols=4, frameon=False, fontsize=9, columnspacing=1.0)
+    axis.set(title="Effects without a name", xlabel="of 100 data sets", xlim=(0.0, 100.0))
+    axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, frameon=False, fontsize=9)
 
 
 def _without_data(summary: dict[str, Any]) -> list[str]:
