@@ -29,9 +29,13 @@ at, unless lines that the change can reach are judged anew and it was not chosen
 
 REPORTING = (
     "inverse/diagnosis/choice.py",
+    "inverse/diagnosis/constants.py",
+    "inverse/diagnosis/dma_account.py",
     "inverse/diagnosis/gain.py",
     "inverse/diagnosis/report.py",
     "inverse/diagnosis/where.py",
+    "inverse/diagnosis/hmi/account.py",
+    "inverse/diagnosis/hmi/features.py",
     "inverse/diagnosis/hmi/gain.py",
     "inverse/diagnosis/hmi/links.py",
 )

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from inverse.diagnosis.cause import Cause, Extension
+from inverse.diagnosis.constants import FittedConstant
 from inverse.diagnosis.decision import Decision
 from inverse.diagnosis.examination import DETECTABLE, Examined, FullFit, NotTestable
 from inverse.diagnosis.gain import Gain
@@ -59,8 +60,8 @@ class Account(Protocol):
         """Where a correction of no name is largest, its sign and its size."""
         ...
 
-    def shift(self, extended: Any) -> list[str]:
-        """How the fitted constants move when the extension is in the model: lines of Markdown."""
+    def constants(self, extended: Any) -> list[FittedConstant]:
+        """The fitted constants without and with what was put into the model."""
         ...
 
 

@@ -7,9 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from inverse.diagnosis.constants import FittedConstant
 from inverse.diagnosis.dma_problem import DmaProblem
 from inverse.diagnosis.extended_fit import ExtendedFit
 from inverse.diagnosis.where import Absorbed
+
+_COLUMNS = (("M_0", "Pa"), ("M_inf", "Pa"), ("tau", "s"), ("alpha", "1"))
+"""Constants of a sweep and their units."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,19 +60,19 @@ class DmaAccount:
         """Where the correction is largest, its sign and its size."""
         return _describe(self.problem, place)
 
-    def shift(self, extended: ExtendedFit) -> list[str]:
-        """Constants of every sweep without and with the extension, as it makes them where it changes the solid."""
+    def constants(self, extended: ExtendedFit) -> list[FittedConstant]:
+        """Those of every sweep without and with the extension, as it makes them where it changes the solid."""
         found = extended.constants
         for extension, strength in zip(extended.extensions, extended.strengths, strict=True):
             found = np.asarray(extension.cause.material(jnp.asarray(found), float(strength)))
         # The order of a conventional solid is no constant, unless a cause makes it one.
-        columns = 4 if self.problem.model.fractional or np.any(found[:, 3] != 1.0) else 3
-        names = ["M_0 [Pa]", "M_inf [Pa]", "tau [s]", "alpha"][:columns]
-        lines = [f"| sweep | {' | '.join(names)} |", f"| --- |{' ---: |' * columns}"]
-        for sweep, before, after in zip(self.problem.sweeps, self.problem.constants, found, strict=True):
-            cells = [f"{b:.4g} → {a:.4g}" for b, a in zip(before[:columns], after[:columns], strict=True)]
-            lines.append(f"| {sweep.label} | {' | '.join(cells)} |")
-        return lines
+        has_order = self.problem.model.fractional or bool(np.any(found[:, 3] != 1.0))
+        columns = _COLUMNS if has_order else _COLUMNS[:-1]
+        return [
+            FittedConstant(name, unit, sweep.label, float(before[place]), float(after[place]))
+            for sweep, before, after in zip(self.problem.sweeps, self.problem.constants, found, strict=True)
+            for place, (name, unit) in enumerate(columns)
+        ]
 
 
 def _describe(problem: DmaProblem, place: Absorbed) -> str:

@@ -5,7 +5,7 @@ variance $e^{-(k \pi l)^2 / 2}$ has the covariance $e^{-(x - x')^2 / 2 l^2}$ but
 for the constant one, which has twice the variance. A test then takes what the fit leaves of each for as large as the
 whole (`visible_columns`).
 
-Source: Solin & Särkkä (2020), Hilbert space methods for reduced-rank Gaussian process regression. Cited from memory.
+Source: Solin & Särkkä (2020), Hilbert space methods for reduced-rank Gaussian process regression.
 """
 
 import dataclasses

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from inverse.diagnosis.constants import FittedConstant, as_table
 from inverse.diagnosis.decision import REPLICATES, Decision
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
 from inverse.diagnosis.evidence import ALLOWANCE, Evidence
@@ -13,7 +14,7 @@ from inverse.diagnosis.where import Absorbed
 from inverse.output import finite
 from inverse.software import versions
 
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 6
 """Of diagnosis.json; keys do not change without a new number."""
 
 _VERDICTS = {
@@ -47,6 +48,7 @@ def as_json(found: Diagnosis, remarks: Sequence[str] = ()) -> dict[str, Any]:
             {"name": one.name, "why": one.why, "what_would_help": one.what_would_help} for one in found.not_testable
         ],
         "gain": None if found.gain is None else vars(found.gain),
+        "constants": [vars(one) for one in _constants(found)],
         "noise": None if found.noise is None else {**vars(found.noise), "words": found.noise.describe()},
         "where": [_absorbed(one) for one in _once(found.places)],
         "links": [_absorbed(one) for one in links_of(found)],
@@ -180,8 +182,9 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
             f"no cause: wrong ones gain, too, in most cases. The name rests on the tests.",
             f"{gain.unfinished} of the refits did not converge." if gain.unfinished else "",
             "",
-            *_shift(found),
         ]
+    constants = _constants(found)
+    lines += ["Constants without and with it:", "", *as_table(constants), ""] if constants else []
     return ["## What is wrong", "", *lines, ""] if lines else []
 
 
@@ -240,11 +243,9 @@ def _percent(value: float, error: float) -> str:
     return f"{100.0 * value:.3g} ± {100.0 * error:.2g}"
 
 
-def _shift(found: Diagnosis) -> list[str]:
-    """How the fitted constants move when the extension is in the model."""
-    if found.extended is None:
-        return []
-    return ["Constants without and with it:", "", *found.account.shift(found.extended), ""]
+def _constants(found: Diagnosis) -> list[FittedConstant]:
+    """How the fitted constants move when the extension is in the model; none where nothing was put into it."""
+    return [] if found.extended is None else found.account.constants(found.extended)
 
 
 def _strength(one: CauseReport) -> str:

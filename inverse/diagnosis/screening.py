@@ -15,7 +15,7 @@ $\tfrac12 \sum \log(1 + \lambda_i)$. Directions that a smooth correction hardly 
 test of all alike would pay for every one.
 
 Source: score tests, Rao (1948); restricted likelihood, Patterson & Thompson (1971); tests of a variance, Self & Liang
-(1987). Cited from memory.
+(1987).
 """
 
 import dataclasses

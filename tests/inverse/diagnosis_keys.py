@@ -1,10 +1,10 @@
 """Keys of diagnosis.json, written out once more: one more or less is another version of the schema."""
 
 KEYS = (
-    "schema_version verdict level omnibus causes named confusable explanations not_testable gain noise where links "
-    "whiteness unexplained audit notes model seed versions separation"
+    "schema_version verdict level omnibus causes named confusable explanations not_testable gain constants noise where "
+    "links whiteness unexplained audit notes model seed versions separation"
 ).split()
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 6
 
 INSIDE = {
     "omnibus": "statistic p_value lead_of_free_forms".split(),
@@ -16,6 +16,7 @@ INSIDE = {
     "gain": (
         "split rmse_before rmse_before_error rmse_after rmse_after_error log_score_gain standard_error unfinished"
     ).split(),
+    "constants": "name unit of without with_causes".split(),
     "noise": ("kind p_white size p_size excess_kurtosis p_tails repeats repeats_freedom p_repeats words").split(),
     "where": "words share p_value".split(),
     "links": "words share p_value".split(),

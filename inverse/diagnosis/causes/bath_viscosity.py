@@ -18,7 +18,10 @@ class BathViscosity(DmaCause):
         "frequency."
     )
     helps = "A run in the bath without a sample, or a sweep in air."
-    source = "Stefan (1874) squeeze flow between plates, from memory; scale: water in a gap of 1 mm, assumed"
+    source = (
+        "Stefan (1874), as quoted: squeeze between discs, 3 pi eta R^4 / (2 h^3) times speed; scale: water in "
+        "a gap of 1 mm, assumed"
+    )
 
     def measured(
         self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength

@@ -18,7 +18,8 @@ class ClampCompliance(DmaCause):
         "A second sample of half the thickness: a compliance in series maps a fractional Zener solid onto another one."
     )
     source = (
-        "Placet et al., Rheol. Acta (2007), from memory; scale: a clamp of 4e5 N/m on a 20 x 20 x 10 mm sample, assumed"
+        "Hossain et al. (2025), doi 10.1007/s00397-024-01481-9: compliance of a machine lowers moduli; scale: "
+        "a clamp of 4e5 N/m on a 20 x 20 x 10 mm sample, assumed"
     )
 
     def measured(

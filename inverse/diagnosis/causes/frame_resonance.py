@@ -20,7 +20,10 @@ class FrameResonance(DmaCause):
     plausible = 0.3
     sentence = "A resonance of the frame above the sweep raises or lowers the modulus towards the highest frequencies."
     helps = "Frequencies up to the resonance, or a run with a known elastic spring."
-    source = "TA Instruments, application notes on instrument compliance and resonance, from memory; scale assumed"
+    source = (
+        "Catania & Amadori (2025): frame and moving mass in what a DMA measures; one mode, its quality and "
+        "scale assumed"
+    )
     shapes: ClassVar[tuple[float, ...]] = (1.25, 1.75, 3.0)
     shape_means: ClassVar[str] = "resonance over the highest frequency"
 

@@ -16,8 +16,8 @@ class InstrumentInertia(DmaCause):
     sentence = "A moving mass takes force in proportion to the square of frequency, which lowers the storage modulus."
     helps = "A run without a sample, or with a known elastic spring, gives the mass."
     source = (
-        "Ferry, Viscoelastic Properties of Polymers (1980), ch. 5, from memory; scale: 0.4 g uncompensated on a 20 x "
-        "20 x 10 mm sample, assumed"
+        "Klemuk & Titze (2009): errors of the storage modulus by inertia; scale: 0.4 g uncompensated on a 20 "
+        "x 20 x 10 mm sample, assumed"
     )
 
     def measured(

@@ -19,8 +19,8 @@ class NoiseFloor(DmaCause):
     )
     helps = "A larger strain amplitude at the softest temperatures."
     source = (
-        "Rice (1944) for an amplitude in noise, from memory; Suomi et al. (2016) suspect it below 0.3 Hz at 21 degC; "
-        "scale: (500 Pa)^2, assumed"
+        "Rice (1944): the mean square of an amplitude has that of its noise added; Suomi et al. (2016) "
+        "suspect it below 0.3 Hz at 21 degC; scale: (500 Pa)^2, assumed"
     )
 
     def measured(

@@ -16,7 +16,7 @@ class PhaseDelay(DmaCause):
     plausible = 0.0001
     sentence = "Displacement and force are read at different times, which turns the phase in proportion to frequency."
     helps = "A run with a known elastic spring, whose phase is zero."
-    source = "ISO 6721-1, annex on phase calibration, from memory; scale: one sample at 10 kHz, assumed"
+    source = "By definition: phase is angular frequency times delay; scale: one sample at 10 kHz, assumed"
 
     def measured(
         self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength

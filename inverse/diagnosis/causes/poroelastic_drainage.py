@@ -21,7 +21,7 @@ class PoroelasticDrainage(DmaCause):
         "frequency."
     )
     helps = "A sample of another width: the drainage time grows with its square."
-    source = "Biot (1941), consolidation of a layer in one dimension, from memory; scale assumed: half the modulus"
+    source = "Biot (1941), a column confined at its sides and drained at one end; scale assumed: half the modulus"
     shapes: ClassVar[tuple[float, ...]] = tuple(round(0.04 * n, 2) for n in range(26))
     shape_means: ClassVar[str] = "place in the sweep: 0 drains at the lowest frequency, 1 at the highest"
 

@@ -17,7 +17,7 @@ class SecondRelaxation(DmaCause):
     plausible = 0.5
     sentence = "The material relaxes a second time, within the sweep, by another mechanism."
     helps = "Frequencies at closer steps about the second relaxation."
-    source = "Ferry (1980), several relaxations, from memory; scale assumed: half the modulus"
+    source = "Liu & Bilston (2000): liver by several relaxation times; scale assumed: half the modulus"
     # What the fit leaves of it turns by a right angle within a tenth of the sweep: screened in steps of an eighth, one
     # between two steps had 3.1 left of d' 4.5, and half of them went unseen.
     shapes: ClassVar[tuple[float, ...]] = tuple(round(0.125 + 0.0375 * n, 4) for n in range(21))

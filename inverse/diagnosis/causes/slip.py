@@ -22,7 +22,8 @@ class Slip(DmaCause):
     )
     helps = "A smaller strain amplitude, or a rough or glued grip."
     source = (
-        "Mindlin & Deresiewicz (1953) partial slip: loss 4/(3 pi) of the stiffness lost, from memory; scale assumed"
+        "Mindlin & Deresiewicz (1953): partial slip dissipates; loss 4/(3 pi) of the stiffness lost, as of "
+        "parabolic loops; scale assumed"
     )
 
     def measured(

@@ -19,8 +19,8 @@ class StrainNonlinearity(DmaCause):
     sentence = "The strain is larger where the sample is soft, and large strain softens (or stiffens) and dissipates."
     helps = "Two strain amplitudes at one temperature."
     source = (
-        "Rayleigh (1887) law of hysteresis: loss 4/(3 pi) of the stiffness lost, at constant force; from memory, "
-        "scale assumed"
+        "Rayleigh's law of hysteresis (IEC 60050, 221-03-32): by the first harmonic of its loops loss is 4/(3 "
+        "pi) of the stiffness lost, at constant force; scale assumed"
     )
 
     def measured(

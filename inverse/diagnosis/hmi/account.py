@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from inverse.diagnosis.constants import FittedConstant
 from inverse.diagnosis.hmi.examination import noise_size
 from inverse.diagnosis.hmi.features import Curve, mismatches
 from inverse.diagnosis.hmi.fitting import HmiFit
@@ -107,13 +108,13 @@ class HmiAccount:
         mostly = np.mean(np.abs(relative[above]) >= 0.25 * np.max(np.abs(relative)))
         return f", from {large.min():.0f} degC on" if large.min() > temperature.min() + 5.0 and mostly > 0.6 else ""
 
-    def shift(self, extended: HmiFit) -> list[str]:
-        """Constants without and with the extension."""
+    def constants(self, extended: HmiFit) -> list[FittedConstant]:
+        """Those that are free, without and with the extension."""
         parameters, places = self.problem.program.parameters, self.problem.program.constants
         before, after = (
             np.asarray(parameters.values(jnp.asarray(fit.unknowns[places]))) for fit in (self.null, extended)
         )
-        lines = ["| constant | without | with it |", "| --- | ---: | ---: |"]
-        return lines + [
-            f"| {name} | {b:.4g} | {a:.4g} |" for name, b, a in zip(parameters.names, before, after, strict=True)
+        return [
+            FittedConstant(name, unit, "", float(b), float(a))
+            for (name, unit, _), b, a in zip(parameters.columns, before, after, strict=True)
         ]

@@ -13,7 +13,7 @@ uncorrected by 5 to 7, and fits that are compared have to be equally wrong. (Wha
 again.) The way itself is then asked of the full simulation where it matters.
 
 No derivatives are taken but once, of the constants: they and the effect of the strength are corrected by what every
-step shows (Broyden 1965, cited from memory). A fit takes two to eight predictions, 0.2 s as a rule; with derivatives it
+step shows (Broyden 1965). A fit takes two to eight predictions, 0.2 s as a rule; with derivatives it
 takes 3. So far from the fit without it as a strong effect is, the corrected derivatives may get nowhere: the few best
 fits go on with new ones. (An `output-drift` of d' 9, two development sets: sums of squares of 147 and 177 without it
 were 127 and 103 in the rough fits, 40 and 73 where derivatives were taken twice or three times more.)

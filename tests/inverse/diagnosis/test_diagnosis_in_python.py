@@ -286,6 +286,23 @@ def test_it_is_said_which_model_leaves_what_and_whose_strengths_are_of_two(file)
     assert "Of what the model without causes leaves" in report(dataclasses.replace(found, extended=None), "these", [])
 
 
+def test_constants_of_every_sweep_stand_in_json_and_report_as_the_extension_makes_them(file):
+    told = inverse.diagnose(file, causes=["sweep-drift", "slip"], gain=False)
+    found, sweeps = told.details, read_dma(file)
+    constants = told.content["constants"]
+    temperatures = len(np.unique(np.round(sweeps.temperature)))
+    assert [one["name"] for one in constants] == ["M_0", "M_inf", "tau", "alpha"] * temperatures
+    assert {one["name"]: one["unit"] for one in constants} == {"M_0": "Pa", "M_inf": "Pa", "tau": "s", "alpha": "1"}
+    for values, key in ((found.problem.constants, "without"), (found.extended.constants, "with_causes")):
+        np.testing.assert_array_equal([one[key] for one in constants], np.ravel(values))
+    text = report(found, "these data", [])
+    first = constants[0]
+    assert "| sweep | M_0 [Pa] | M_inf [Pa] | tau [s] | alpha |" in text
+    assert f"| {first['of']} | {first['without']:.4g} → {first['with_causes']:.4g} |" in text
+    without = dataclasses.replace(found, extended=None)
+    assert as_json(without)["constants"] == [] and "Constants without" not in report(without, "these data", [])
+
+
 @pytest.mark.parametrize(("p_value", "near"), [(0.003, False), (0.035, True), (0.065, True), (0.2, False)])
 def test_that_another_seed_may_find_otherwise_is_said_near_the_level(file, p_value, near):
     """Of 400 replicates the standard error of a p of 0.05 is 0.011."""

@@ -21,7 +21,7 @@ class AcousticSaturation(HmiCause):
         "of what it lets through."
     )
     helps = "Half the power: a saturated focus loses less than half."
-    source = "Bacon (1984), saturation of focused sound, from memory; scale assumed"
+    source = "Bessonova et al. (2009): shocks limit the pressure at a focus; scale assumed"
 
     def tissue(
         self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength

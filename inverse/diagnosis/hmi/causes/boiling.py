@@ -18,7 +18,10 @@ class Boiling(HmiCause):
     plausible = 0.5
     sentence = "At the boiling point vapour reflects the sound: hardly any push arrives at the focus behind it."
     helps = "Sonications that end below 95 degC, or a passive detector."
-    source = "Khokhlova et al. (2006), from memory; a logistic 1 K wide at 99 degC"
+    source = (
+        "Nahirnyak et al. (2010): boiling of muscle is heard from 97 +- 7 degC; a logistic 1 K wide at 99 "
+        "degC, and scale, assumed"
+    )
 
     def tissue(
         self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength

@@ -22,7 +22,10 @@ class Cavitation(HmiCause):
         "Above some temperature gas comes out of solution, and bubbles take sound up and push, or shield the focus."
     )
     helps = "A passive cavitation detector: broadband noise or subharmonics."
-    source = "Coussios & Roy (2008), from memory; onset by a logistic 2 K wide, scale assumed"
+    source = (
+        "Coussios et al. (2007): bubbles heat, scatter and shield; Suomi et al. (2016): in 4 of 7 "
+        "sonications; onset by a logistic 2 K wide, and scale, assumed"
+    )
     shapes: ClassVar[tuple[float, ...]] = tuple(60.0 + 1.2 * step for step in range(16))
     shape_means: ClassVar[str] = "temperature of the onset [degC]"
 

@@ -19,7 +19,8 @@ class DamageLaw(HmiCause):
     sentence = "Tissue coagulates at another dose than 240 equivalent minutes, or by another law."
     helps = "Histology of sonications of several durations."
     source = (
-        "Strength is the change of the logarithm of the lethal dose; Dewhirst et al. (2003): 16 to 240 min, from memory"
+        "Strength is the change of the logarithm of the lethal dose; Damianou et al. (1997): attenuation of "
+        "dog's tissue doubles by 100 to 1000 min; scale assumed"
     )
 
     def tissue(

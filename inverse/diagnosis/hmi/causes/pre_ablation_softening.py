@@ -23,7 +23,10 @@ class PreAblationSoftening(HmiCause):
         "they aggregate."
     )
     helps = "DMA between 37 and 55 degC, or an attenuation that is measured and not fitted."
-    source = "Sapin-de Brosses et al. (2010): softening up to about 45 degC, from memory; scale assumed"
+    source = (
+        "Muscle softens (Wu et al. 2001), liver does not (Sapin-de Brosses et al. 2010), as Suomi et al. "
+        "(2016) quote them; shape and scale assumed"
+    )
     shapes: ClassVar[tuple[float, ...]] = (44.0, 45.0, 46.0, 47.5, 49.0, 50.5, 52.0, 53.0)
     shape_means: ClassVar[str] = "temperature at which it is softest [degC]"
 

@@ -17,7 +17,7 @@ class ScatteringFraction(HmiCause):
     plausible = 0.3
     sentence = "A part of attenuation scatters: it takes sound away without pushing or heating as absorption does."
     helps = "Absorption from the first second of heating: a factor of every sonication is free here."
-    source = "Damianou, Sanghvi & Fry (1997), absorption below attenuation, from memory; scale assumed"
+    source = "Suomi et al. (2016), Parker (1983): attenuation is mainly absorption; scale assumed, a large one"
 
     def tissue(
         self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength

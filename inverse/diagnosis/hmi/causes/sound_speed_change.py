@@ -17,9 +17,7 @@ class SoundSpeedChange(HmiCause):
     plausible = 10.0
     sentence = "The liver's sound speed follows another course with temperature than in the model."
     helps = "The time of flight through the sample as it warms."
-    source = (
-        "Techavipoo et al. (2004): 1570 to 1600 m/s with a maximum near 70 degC, from memory; scale assumed, at 80 degC"
-    )
+    source = "Techavipoo et al. (2002), dog's liver: rises to 70 degC, falls beyond; scale assumed, at 80 degC"
 
     def tissue(
         self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength

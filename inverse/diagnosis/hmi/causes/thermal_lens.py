@@ -7,7 +7,7 @@ from inverse.diagnosis.cause import Strength
 from inverse.diagnosis.hmi.cause import HmiCause, HmiConditions, TissueChange
 
 TO_THE_FASTEST = 33.0
-"""Rise of temperature at which liver's sound speed is highest [K]: near 70 degC, Techavipoo et al. (2004)."""
+"""Rise of temperature at which liver's sound speed is highest [K]: near 70 degC, Techavipoo et al. (2002)."""
 
 
 class ThermalLens(HmiCause):
@@ -24,8 +24,8 @@ class ThermalLens(HmiCause):
     )
     helps = "A scan of the focus along the axis while hot."
     source = (
-        "Le Floch & Fink (1997), thermal lens; Connor & Hynynen (2002), from memory; quadratic in the shift, "
-        "scale assumed"
+        "Connor & Hynynen (2002): focus 1 to 2 mm nearer to the transducer; quadratic in the sound speed's "
+        "change, and scale, assumed"
     )
 
     def tissue(

@@ -24,7 +24,10 @@ class ThermocoupleViscousHeating(HmiCause):
         "Switch the sound off for a moment: the artefact decays within seconds. Or a fibre-optic sensor, or MR "
         "thermometry."
     )
-    source = "Kamimura et al. (2020): up to 81 % of a wire's reading; Morris et al. (2008), from memory; scale assumed"
+    source = (
+        "Kamimura et al. (2020): up to 81 % of a wire's reading; Tiennot et al. (2019): up to 90 % of a "
+        "simulated rise; scale assumed"
+    )
     shapes: ClassVar[tuple[float, ...]] = (1.0, 3.0, 8.0)
     shape_means: ClassVar[str] = "time in which the wire warms [s]"
 

@@ -17,7 +17,10 @@ class TrackingCompression(HmiCause):
         "small, by a part that grows with them."
     )
     helps = "Lower power, so that all displacements are small; or a shorter window."
-    source = "Walker & Trahey (1995), peak hopping and blur in correlation tracking, from memory; scale assumed"
+    source = (
+        "Palmeri et al. (2006): shear under the beam shortens displacements, by one part at all forces; that "
+        "the part grows with the displacement, and the scale, assumed"
+    )
 
     def measured(self, displacement: States, conditions: HmiConditions, strength: Strength, shape: Strength) -> States:
         """Each displacement loses a part in proportion to itself."""

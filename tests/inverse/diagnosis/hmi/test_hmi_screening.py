@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -10,6 +11,7 @@ from inverse.design import design_hmi
 from inverse.diagnosed import Diagnosed
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.constants import as_table
 from inverse.diagnosis.diagnosis import failed
 from inverse.diagnosis.hmi import diagnosis as hmi_diagnosis
 from inverse.diagnosis.hmi import examination
@@ -292,6 +294,21 @@ def test_ends_of_intervals_are_searched_for_where_causes_fit_best_and_others_are
     refit = next(one.refit for one in found.causes if one.cause.name == others[0])
     half = refit.intervals[0] - refit.strengths[0]
     assert half[0] == pytest.approx(-half[1]) or refit.intervals[0, 0] == 0.0
+
+
+def test_free_constants_of_curves_are_told_without_and_with_a_cause(problem):
+    hidden, null, *_ = looked_for_in(problem, DRIFT, 1.0, 0.005)
+    moved = dataclasses.replace(null, unknowns=null.unknowns + 0.01)
+    constants = HmiAccount(hidden, null).constants(moved)
+    values = hidden.program.parameters.values
+    places = hidden.program.constants
+    assert [(one.name, one.unit) for one in constants] == [one[:2] for one in hidden.program.parameters.columns]
+    np.testing.assert_allclose([one.without for one in constants], values(jnp.asarray(null.unknowns[places])))
+    np.testing.assert_allclose([one.with_causes for one in constants], values(jnp.asarray(moved.unknowns[places])))
+    assert all(one.with_causes != one.without for one in constants)
+    head, _, *rows = as_table(constants)
+    assert head == "| constant | without | with it |" and len(rows) == len(constants)
+    assert all(one.name in row and one.unit in row for one, row in zip(constants, rows, strict=True))
 
 
 def test_what_is_left_of_curves_is_drawn_against_temperature_time_dose_and_sonication(problem):
