@@ -26,8 +26,9 @@ import numpy as np
 
 import arfjax as ax
 from benchmarks.diagnosis_docs import write_docs
-from benchmarks.diagnosis_limits import dma_design, limits, removed_limits
+from benchmarks.diagnosis_limits import dma_design, limits
 from benchmarks.diagnosis_record import FIRST_TEST_SEED, arguments, code_of, recorded, stamp
+from benchmarks.diagnosis_rests import removed_limits
 from benchmarks.diagnosis_studies import DMA_STUDY, ZENER_STUDY
 from benchmarks.diagnosis_summary import NO_DATA, summarise
 from inverse.datasets.dma import read_dma

@@ -106,7 +106,7 @@ def _false_alarms(axis: Axes, null: dict[str, Rate]) -> None:
     axis.axvline(5.0, color="0.4", lw=0.9)
     axis.axvline(6.0, color="0.4", lw=0.9, ls="--")
     sets = {null[n]["sets"] for n in names}
-    each = f" ({sets.copy().pop()} sets each)" if len(sets) == 1 else ""
+    each = f" ({next(iter(sets))} sets each)" if len(sets) == 1 else ""
     axis.set_yticks(range(len(names)), [n if each else f"{n}, n = {null[n]['sets']}" for n in names])
     axis.set(title=f"False alarms, nothing hidden{each}", ylim=(len(names) - 0.4, -0.6))
     axis.set_xlabel("of 100 data sets (line: level; dashed: asked for at most)")
@@ -171,7 +171,7 @@ def page(summary: dict[str, Any], study: Study) -> str:
             *_known(summary),
             *_nothing(summary, study.gated),
             *_strange(summary, study),
-            *_left(summary["removed limit"], summary["removed, to be seen"]),
+            *_left(summary, study),
             *_without_data(summary),
             "What these rates rest on, and their limits:",
             "",
@@ -249,7 +249,7 @@ def _asked(summary: dict[str, Any]) -> list[str]:
         ):
             if d not in summary[part]:
                 continue
-            rests = summary["removed limit"].get(d, {}).values() if part == "removed" else ()
+            rests = summary[f"{part} limit"].get(d, {}).values()
             seen = [one for one in rests if "why" not in one]
             found = verdict == "unexplained" and seen
             limits = [float(np.mean([one[key] for one in seen])) if found else None for key in _KNOWN_OR_NOT]
@@ -313,34 +313,37 @@ def _strange(summary: dict[str, Any], study: Study) -> list[str]:
     return lines
 
 
-def _left(limit: dict[str, dict[str, dict[str, Any]]], seen: dict[str, dict[str, Any]]) -> list[str]:
-    """What a stand-in leaves of a missing cause, and what became of those of which that is enough."""
+def _left(summary: dict[str, Any], study: Study) -> list[str]:
+    """What stand-ins leave of effects without a name, and what became of those of which that is enough."""
+    rows = [
+        f"| {d} | {study.kinds.get(name, name)} | {one['why']} | – | – | – |"
+        if "why" in one
+        else f"| {d} | {study.kinds.get(name, name)} | {one['stand-in']} | {one['left']:.1f} "
+        f"| {100.0 * one['noise known']:.0f} | {100.0 * one['noise unknown']:.0f} |"
+        for limit in (summary["unknown limit"], summary["removed limit"])
+        for d in sorted(limit, key=float)
+        for name, one in limit[d].items()
+    ]
+    seen = summary["removed, to be seen"]
     enough = "; ".join(
         f"d' = {d}: unexplained {_in_a_text(seen[d]['unexplained'])}, named {_in_a_text(seen[d]['named'])}, in a set "
         f"of names {_in_a_text(seen[d]['confusable'])} ({seen[d]['named']['sets']} sets)"
         for d in sorted(seen, key=float)
     )
-    said = f"Those of which who looks for the rest sees it in at least {100.0 * SEEN:g} of 100, the noise unknown: "
-    rows = [
-        f"| {d} | {name} | {one['why']} | – | – | – |"
-        if "why" in one
-        else f"| {d} | {name} | {one['stand-in']} | {one['left']:.1f} "
-        f"| {100.0 * one['noise known']:.0f} | {100.0 * one['noise unknown']:.0f} |"
-        for d in sorted(limit, key=float)
-        for name, one in limit[d].items()
-    ]
+    said = (
+        f"Causes taken out of which who looks for the rest sees it in at least {100.0 * SEEN:g} of 100, the noise "
+        "unknown: "
+    )
     return (
         [
-            "## What is left to see of a cause taken out of the list",
+            "## What is left to see of effects without a name",
             "",
-            "On one design, without noise: the other cause that imitates it best, refitted in full (constants, "
-            "strength and shape), and the d' that it leaves. The powers are those of somebody who looks for exactly "
-            "that rest, at the level of `unexplained`, with the noise known and unknown: a diagnosis looks for "
-            "everything, and does not reach them. (It may find the whole effect unlike any cause where the rest by "
-            "itself is not conspicuous.) Where little is left, the stand-in describes the data, and its name is all "
-            "that they allow.",
+            f"{study.rests} The powers are those of somebody who looks for exactly that rest, at the level of "
+            "`unexplained`, with the noise known and unknown: a diagnosis looks for everything, and does not reach "
+            "them. (It may find the whole effect unlike any cause where the rest by itself is not conspicuous.) Where "
+            "little is left, the stand-in describes the data, and its name is all that they allow.",
             "",
-            "| d' | taken out | best stand-in | d' left | seen, noise known [%] | seen, noise unknown [%] |",
+            "| d' | hidden | best stand-in | d' left | seen, noise known [%] | seen, noise unknown [%] |",
             "| ---: | --- | --- | ---: | ---: | ---: |",
             *rows,
             "",

@@ -30,12 +30,14 @@ import arfjax as ax
 from benchmarks.diagnosis_docs import write_docs
 from benchmarks.diagnosis_hmi import NOISES, SOURCES, STRENGTHS, Bench, Condition, design, prepared_bench
 from benchmarks.diagnosis_hmi import conditions as simulated_conditions
-from benchmarks.diagnosis_limits import Design, limits, projected_length
+from benchmarks.diagnosis_limits import Design, Limits, limits, projected_length
 from benchmarks.diagnosis_record import code_of, stamp
+from benchmarks.diagnosis_rests import linear_rests
 from benchmarks.diagnosis_studies import LINEAR_HMI_STUDY
 from benchmarks.diagnosis_summary import summarise
 from benchmarks.spread import spread
 from inverse.diagnosis.decision import decide
+from inverse.diagnosis.rule import LEAST_P
 from inverse.diagnosis.screening import unit_columns
 from tests.blind import hmi_generator as blind
 
@@ -46,8 +48,8 @@ NEAR, NEAR_SPREAD = "-near", 0.6
 """Noise in which constants are as near to their middle as in blind data; in the others they are as is believed."""
 UNDERSTATED, UNDERSTATED_BY = "understated", 1.3
 """White noise of readings so many times as large as stated, by which what is believed of constants is weighed."""
-WEAK = 5.0
-"""The d' at which effects without a name are to be named wrongly seldom, beside that of curves that are simulated."""
+WEAK, STRONG = 5.0, 9.0
+"""The d' at which effects without a name are to be named wrongly seldom, and that of curves that are simulated."""
 _AT_ONCE = 20
 _FIRST_SEED = {False: 2_600_000, True: 200}
 """By whether they are for development. Test seeds below this were looked at with earlier code, or others have them."""
@@ -96,19 +98,37 @@ def _one_set(about: Design, condition: Condition, seed: int) -> dict[str, Any]:
 def _drawn(about: Design, condition: Condition, seed: int, rng: np.random.Generator) -> Float[np.ndarray, " datum"]:
     """Noise of readings, then of beliefs, and the effect."""
     assert about.temperature is not None
-    readings, rest = len(about.temperature), len(about.fitted) - len(about.temperature)
+    beliefs = len(about.fitted) - len(about.temperature)
     nearness = NEAR_SPREAD if condition.noise.endswith(NEAR) else 1.0
     kind = condition.noise.removesuffix(NEAR)
     drawn = blind.draw_noise(kind, about.temperature, rng) * (UNDERSTATED_BY if kind == UNDERSTATED else 1.0)
-    noise = np.append(drawn, nearness * rng.standard_normal(rest))
+    noise = np.append(drawn, nearness * rng.standard_normal(beliefs))
     effect = np.zeros(len(noise))
     if condition.name in about.truths:
         effect = about.truths[condition.name][int(blind.sign_of(condition.name, seed))][:, 0]
     elif condition.name in blind.UNKNOWN:
-        effect[:readings] = blind.UNKNOWN[condition.name](about.temperature, rng)
-        # As the generator has it: by readings alone, constants free.
-        effect = effect / projected_length(effect[:readings, None], about.fitted[:readings])
+        effect = _nameless(about, condition.name, rng)
     return condition.size * (noise + condition.d_prime * effect)
+
+
+def _nameless(about: Design, name: str, rng: np.random.Generator) -> Float[np.ndarray, " datum"]:
+    """An effect of d' = 1 that is in no list, as the generator has it: by readings alone, constants free."""
+    assert about.temperature is not None
+    effect, readings = np.zeros(len(about.fitted)), len(about.temperature)
+    effect[:readings] = blind.UNKNOWN[name](about.temperature, rng)
+    return effect / projected_length(effect[:readings, None], about.fitted[:readings])
+
+
+def rests(designs: Sequence[Design], *, draws: int = 20) -> list[Limits]:
+    """What other causes leave of causes taken out, and all causes of effects in no list."""
+    rng = np.random.default_rng(0)
+    taken_out = [
+        {name: [one[:, 0] for one in signs.values()] for name, signs in design.truths.items()} for design in designs
+    ]
+    nameless = [
+        {name: [_nameless(design, name, rng) for _ in range(draws)] for name in blind.UNKNOWN} for design in designs
+    ]
+    return [linear_rests(designs, effects, (WEAK, STRONG), level=LEAST_P) for effects in (taken_out, nameless)]
 
 
 def planned(share: float, development: bool) -> list[tuple[Condition, range]]:
@@ -151,7 +171,7 @@ def main() -> None:
         "benchmark": "diagnosis_hmi_fast",
         "seeds": "development" if given.development else "test",
         "code": code_of(lines, made_by),
-        **summarise(lines, limits(designs, STRENGTHS)),
+        **summarise(lines, limits(designs, STRENGTHS), *rests(designs)),
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }
     given.out.parent.mkdir(parents=True, exist_ok=True)

@@ -6,21 +6,17 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.cause import Extension, every_shape
 from inverse.diagnosis.dma_problem import DmaProblem
 from inverse.diagnosis.examination import LEAST_VISIBILITY
-from inverse.diagnosis.extended_fit import fit_extended
 from inverse.diagnosis.noise import Noise, noise_family
-from inverse.diagnosis.rule import UNEXPLAINED_LEVEL
 from inverse.diagnosis.screening import Alternative, Screen, unit_columns, visibility
-from tests.blind.no_such_effect import NoSuchEffect
 
 TRUE_SHAPES = {"frame-resonance": 1.6, "temperature-lag": 0.35, "second-relaxation": 0.55, "poroelastic-drainage": 0.9}
 """What the generator has where a cause has a second parameter."""
-_DRAWN, _DRAWN_UNKNOWN = 4000, 1000
+_DRAWN, DRAWN_UNKNOWN = 4000, 1000
 _LEVEL = 0.05
 
 Limits = dict[str, dict[str, dict[str, Any]]]
@@ -86,7 +82,7 @@ def limits(designs: Sequence[Design], strengths: Sequence[float]) -> Limits:
     for number, design in enumerate(designs):
         for members, ending, drawn in (
             (design.family[:1], "", _DRAWN),
-            (design.family, ", noise unknown", _DRAWN_UNKNOWN),
+            (design.family, ", noise unknown", DRAWN_UNKNOWN),
         ):
             for d_prime, name, part in _limits_of(design, strengths, members, drawn, number):
                 for key, value in part.items():
@@ -123,69 +119,3 @@ def _projections(screen: Screen) -> Callable[[Float[np.ndarray, "n batch"]], Flo
         return np.where(signs == 0, np.abs(projected), signs * projected)
 
     return evidence
-
-
-def removed_limits(
-    quiet: Callable[[str, float], tuple[DmaProblem, float]], names: Sequence[str], strengths: Sequence[float]
-) -> Limits:
-    """What the best stand-in leaves of a cause that is not in the library, and who could see that.
-
-    Args:
-        quiet: Data with a hidden effect of a d' without noise, fitted; and the size that the noise would have.
-        names: Causes to take out.
-        strengths: d'.
-
-    Returns:
-        By d', then by cause: the stand-in, the d' that it leaves, and the power of the best test of that one direction,
-        at the level of `unexplained`, with the noise known and unknown. Where no strength of a cause has that d', why.
-    """
-    found: Limits = {}
-    for d_prime in strengths:
-        for name in names:
-            try:
-                problem, size = quiet(name, d_prime)
-            except NoSuchEffect as impossible:
-                found.setdefault(f"{d_prime:g}", {})[name] = {"why": str(impossible)}
-                continue
-            refit = min(_stand_ins(problem, name), key=lambda one: one.misfit)
-            left = refit.residuals / size
-            length = float(np.linalg.norm(left))
-            known = float(stats.norm.cdf(length - stats.norm.isf(UNEXPLAINED_LEVEL)))
-            found.setdefault(f"{d_prime:g}", {})[name] = {
-                "stand-in": refit.extensions[0].cause.name,
-                "left": length,
-                "noise known": known,
-                "noise unknown": _power(problem, refit.directions, left),
-            }
-    return found
-
-
-def _stand_ins(problem: DmaProblem, name: str):
-    """All other causes, refitted in full: far from the fit another one is nearest than about it."""
-    fitted, residuals = problem.fitted_directions(), problem.residuals()
-    basis = np.linalg.qr(unit_columns(fitted))[0]
-    extensions = every_shape(cause for cause in DMA_CAUSES if cause.name != name)
-    nearest: dict[str, tuple[float, float, Extension]] = {}
-    for extension, alternative in zip(extensions, problem.directions(extensions), strict=True):
-        if visibility(alternative.directions, fitted)[0] <= LEAST_VISIBILITY:
-            continue
-        direction = (alternative.directions - basis @ (basis.T @ alternative.directions))[:, 0]
-        strength = float(direction @ residuals / (direction @ direction))
-        strength = max(strength, 0.0) if alternative.sign > 0 else strength
-        taken = abs(strength) * float(np.linalg.norm(direction))
-        if taken >= nearest.get(alternative.name, (0.0,))[0]:
-            nearest[alternative.name] = taken, strength, extension
-    white = noise_family(problem.orderings(), problem.frequencies())[0]
-    for _, strength, extension in nearest.values():
-        yield fit_extended(problem, [extension], white, np.array([strength]), library=DMA_CAUSES, profile=False)
-
-
-def _power(problem: DmaProblem, directions: Float[np.ndarray, "n p"], left: Float[np.ndarray, " n"]) -> float:
-    """Of the test that knows the direction of what is left, and not the noise."""
-    family = noise_family(problem.orderings(), problem.frequencies())
-    screen = Screen(directions, [Alternative("left", left[:, None], 1)], family)
-    if not screen.alternatives:
-        return UNEXPLAINED_LEVEL
-    noise = np.random.default_rng(0).standard_normal((len(left), _DRAWN_UNKNOWN))
-    threshold = np.quantile(screen.statistics(noise).log_p[0], UNEXPLAINED_LEVEL)
-    return float(np.mean(screen.statistics(left[:, None] + noise).log_p[0] <= threshold))

@@ -21,6 +21,7 @@ class Study:
         data: Where the data sets come from.
         gated: Whether the gate of the noise, which comes after the decision, is in it.
         few: Whether the decision is the one for few data.
+        rests: How what a stand-in leaves of an effect without a name was found.
     """
 
     name: str
@@ -32,6 +33,10 @@ class Study:
     data: str = "of `tests/blind` "
     gated: bool = False
     few: bool = False
+    rests: str = (
+        "On one design, without noise: the other cause that imitates it best, refitted in full (constants, strength "
+        "and shape), and the d' that it leaves."
+    )
 
     @property
     def page(self) -> str:
@@ -180,6 +185,8 @@ LINEAR_HMI_STUDY = dataclasses.replace(
     ),
     data="",
     gated=False,
+    rests="About the three fits, without noise, both signs and many draws: the cause that imitates an effect best (the "
+    "one that does so most often), and the d' that it leaves, as a mean.",
 )
 
 

@@ -31,13 +31,15 @@ def summarise(
     lines: Sequence[Line],
     limit: dict[str, dict[str, dict[str, float]]],
     removed: dict[str, dict[str, dict[str, Any]]] | None = None,
+    nameless: dict[str, dict[str, dict[str, Any]]] | None = None,
 ) -> dict[str, Any]:
     """All rates of a record.
 
     Args:
         lines: One for each data set.
         limit: From `limits`; causes that its designs cannot show have none.
-        removed: From `removed_limits`.
+        removed: What stand-ins leave of causes taken out, from `benchmarks.diagnosis_rests`.
+        nameless: The same of effects in no list.
     """
     every, lines = lines, [line for line in lines if line["verdict"] != NO_DATA]
     # A cause that a diagnosis lists as one that the data cannot show is none that it can name: see `_unseen`.
@@ -64,6 +66,7 @@ def summarise(
         },
         **{part: _strange([line for line in lines if line["part"] == part]) for part in ("unknown", "removed")},
         "removed limit": removed or {},
+        "unknown limit": nameless or {},
         "removed, to be seen": _to_be_seen(lines, removed or {}),
         "data sets": len(lines),
         "no such data": len(every) - len(lines),

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from benchmarks import (
     acoustics,
@@ -17,9 +18,10 @@ from benchmarks import (
     real_data,
 )
 from benchmarks.diagnosis_docs import write_docs
-from benchmarks.diagnosis_limits import Design, limits, projected_length, removed_limits
+from benchmarks.diagnosis_limits import Design, limits, projected_length
 from benchmarks.diagnosis_pages import compared
 from benchmarks.diagnosis_record import ROOT, arguments, code_in, code_of, recorded, stamp, stamp_on
+from benchmarks.diagnosis_rests import linear_rests, removed_limits
 from benchmarks.diagnosis_studies import DMA_STUDY, HMI_STUDY, Bound
 from benchmarks.diagnosis_summary import NO_DATA, rate, summarise
 from inverse.diagnosis import HMI_CAUSES
@@ -440,6 +442,24 @@ def test_a_cause_of_which_no_strength_shows_stays_in_the_table_of_rests(tmp_path
 
     with pytest.raises(ValueError, match="something else"):
         removed_limits(broken, ["slip"], [9.0])
+
+
+def test_of_linear_effects_a_stand_in_leaves_what_is_across_it():
+    """At 60 degrees from another cause the sine is left; one that has a single sign takes nothing of the other."""
+    axes = np.eye(40)
+    order = series("time", [0] * 40, np.arange(40.0))
+    family = noise_family((order,), np.arange(40.0) + 1.0)[:1]
+    near = 0.5 * axes[:, [1]] + np.sqrt(0.75) * axes[:, [2]]
+    causes = [Alternative(name, effect, sign) for name, effect, sign in (("own", axes[:, [1]], 0), ("near", near, 1))]
+    design = Design(axes[:, :1], causes, {}, family)
+    effects = {"own": [axes[:, 1]], "against": [-near[:, 0]], "strange": [axes[:, 1], near[:, 0]]}
+    found = linear_rests([design], [effects], [4.0], level=0.25)["4"]
+    assert found["own"]["stand-in"] == "near" and found["own"]["left"] == pytest.approx(4.0 * np.sqrt(0.75))
+    assert found["own"]["noise known"] == pytest.approx(stats.norm.cdf(4.0 * np.sqrt(0.75) - stats.norm.isf(0.25)))
+    # What the noise is costs little where 38 data tell it.
+    assert found["own"]["noise unknown"] == pytest.approx(found["own"]["noise known"], abs=0.03)
+    assert found["against"]["stand-in"] == "own" and found["against"]["left"] == pytest.approx(4.0 * np.sqrt(0.75))
+    assert found["strange"]["left"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_limit_of_a_cause_is_that_of_designs_that_can_show_it():

@@ -183,8 +183,8 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
             f"{gain.unfinished} of the refits did not converge." if gain.unfinished else "",
             "",
         ]
-    constants = _constants(found)
-    lines += ["Constants without and with it:", "", *as_table(constants), ""] if constants else []
+    if constants := _constants(found):
+        lines += [f"Constants without and with {' and '.join(_put_in(found))}:", "", *as_table(constants), ""]
     return ["## What is wrong", "", *lines, ""] if lines else []
 
 

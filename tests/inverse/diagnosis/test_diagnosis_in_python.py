@@ -296,7 +296,7 @@ def test_constants_of_every_sweep_stand_in_json_and_report_as_the_extension_make
         np.testing.assert_array_equal([one[key] for one in constants], np.ravel(values))
     text = report(found, "these data", [])
     first = constants[0]
-    assert "| sweep | M_0 [Pa] | M_inf [Pa] | tau [s] | alpha |" in text
+    assert "Constants without and with sweep-drift:\n\n| sweep | M_0 [Pa] | M_inf [Pa] | tau [s] | alpha |\n" in text
     assert f"| {first['of']} | {first['without']:.4g} → {first['with_causes']:.4g} |" in text
     without = dataclasses.replace(found, extended=None)
     assert as_json(without)["constants"] == [] and "Constants without" not in report(without, "these data", [])
