@@ -338,10 +338,11 @@ def _left(summary: dict[str, Any], study: Study) -> list[str]:
         [
             "## What is left to see of effects without a name",
             "",
-            f"{study.rests} The powers are those of somebody who looks for exactly that rest, at the level of "
-            "`unexplained`, with the noise known and unknown: a diagnosis looks for everything, and does not reach "
-            "them. (It may find the whole effect unlike any cause where the rest by itself is not conspicuous.) Where "
-            "little is left, the stand-in describes the data, and its name is all that they allow.",
+            f"{study.rests} The powers are those of somebody who looks for exactly that rest, at a level of "
+            f"{100.0 * UNEXPLAINED_LEVEL:g} % (as many true causes may be called `unexplained`), with the noise known "
+            "and unknown: a diagnosis looks for everything, and does not reach them. (It may find the whole effect "
+            "unlike any cause where the rest by itself is not conspicuous.) Where little is left, the stand-in "
+            "describes the data, and its name is all that they allow.",
             "",
             "| d' | hidden | best stand-in | d' left | seen, noise known [%] | seen, noise unknown [%] |",
             "| ---: | --- | --- | ---: | ---: | ---: |",

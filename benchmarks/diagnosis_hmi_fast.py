@@ -37,7 +37,7 @@ from benchmarks.diagnosis_studies import LINEAR_HMI_STUDY
 from benchmarks.diagnosis_summary import summarise
 from benchmarks.spread import spread
 from inverse.diagnosis.decision import decide
-from inverse.diagnosis.rule import LEAST_P
+from inverse.diagnosis.rule import UNEXPLAINED_LEVEL
 from inverse.diagnosis.screening import unit_columns
 from tests.blind import hmi_generator as blind
 
@@ -128,7 +128,9 @@ def rests(designs: Sequence[Design], *, draws: int = 20) -> list[Limits]:
     nameless = [
         {name: [_nameless(design, name, rng) for _ in range(draws)] for name in blind.UNKNOWN} for design in designs
     ]
-    return [linear_rests(designs, effects, (WEAK, STRONG), level=LEAST_P) for effects in (taken_out, nameless)]
+    return [
+        linear_rests(designs, effects, (WEAK, STRONG), level=UNEXPLAINED_LEVEL) for effects in (taken_out, nameless)
+    ]
 
 
 def planned(share: float, development: bool) -> list[tuple[Condition, range]]:
