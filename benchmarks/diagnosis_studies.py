@@ -186,7 +186,8 @@ LINEAR_HMI_STUDY = dataclasses.replace(
     data="",
     gated=False,
     rests="About the three fits, without noise, both signs and many draws: the cause that imitates an effect best (the "
-    "one that does so most often), and the d' that it leaves, as a mean.",
+    "one that does so most often), and the d' that it leaves, as a mean. The d' of an effect is by readings alone; "
+    "what is believed of constants keeps them from imitating it, so that more than that may be left.",
 )
 
 
