@@ -70,6 +70,12 @@ class ZenerModel(eqx.Module):
         """Constants that a fit reports from the values of the parameters that it moves."""
         return jnp.concatenate([moved[:1], moved[:1] + moved[1:2], moved[2:]])
 
+    def ends(self, data: DmaData, constants: Float[np.ndarray, " n"]) -> list[str | None]:
+        """Ends of the fit's ranges at which reported constants lie ("lower" or "upper"), None for one inside of its."""
+        moved = np.concatenate([constants[:1], constants[1:2] - constants[:1], constants[2:]])
+        parameters = self.parameters(data)
+        return _ends(parameters, np.asarray(_unconstrained(_as_arrays(parameters), moved[None, :]))[0])
+
     def solid(self, constants: Float[Array, " n"]) -> Zener | FractionalZener:
         """The solid from its reported constants."""
         kind = FractionalZener if self.fractional else Zener

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from inverse.diagnosis.constants import FittedConstant
 from inverse.diagnosis.dma_problem import DmaProblem
@@ -68,11 +68,22 @@ class DmaAccount:
         # The order of a conventional solid is no constant, unless a cause makes it one.
         has_order = self.problem.model.fractional or bool(np.any(found[:, 3] != 1.0))
         columns = _COLUMNS if has_order else _COLUMNS[:-1]
+        fits = (self.problem.constants, extended.constants)
+        values = np.stack([self.problem.constants, found], axis=-1).tolist()
+        at_end = np.stack([self._at_end(one) for one in fits], axis=-1).tolist()
         return [
-            FittedConstant(name, unit, sweep.label, float(before[place]), float(after[place]))
-            for sweep, before, after in zip(self.problem.sweeps, self.problem.constants, found, strict=True)
+            FittedConstant(name, unit, sweep.label, *values[row][place], *at_end[row][place])
+            for row, sweep in enumerate(self.problem.sweeps)
             for place, (name, unit) in enumerate(columns)
         ]
+
+    def _at_end(self, constants: Float[np.ndarray, "sweep 4"]) -> Bool[np.ndarray, "sweep 4"]:
+        """Which constants the end of the fit's range sets, and not the data."""
+        model, found = self.problem.model, np.zeros(constants.shape, dtype=bool)
+        count = len(model.constants())
+        for row, sweep in enumerate(self.problem.sweeps):
+            found[row, :count] = [end is not None for end in model.ends(sweep.data, constants[row, :count])]
+        return found
 
 
 def _describe(problem: DmaProblem, place: Absorbed) -> str:

@@ -16,7 +16,7 @@ INSIDE = {
     "gain": (
         "split rmse_before rmse_before_error rmse_after rmse_after_error log_score_gain standard_error unfinished"
     ).split(),
-    "constants": "name unit of without with_causes".split(),
+    "constants": "name unit of without with_causes without_at_end with_causes_at_end".split(),
     "noise": ("kind p_white size p_size excess_kurtosis p_tails repeats repeats_freedom p_repeats words").split(),
     "where": "words share p_value".split(),
     "links": "words share p_value".split(),
