@@ -126,8 +126,6 @@ ZENER_STUDY = dataclasses.replace(
         _ZENER_HIDDEN,
         _ONE_DESIGN,
         _DMA_NOISES,
-        "That intervals of causes with a shape were too short was seen on these data sets; what was changed was tried "
-        "on others, of development, and the intervals were then measured anew on these.",
         _SAME_NUMBERS,
         _DETECTION.format(" --model zener", 93.7, 0.9, 779, 96.5, 94.7),
         _LEFT_OUT.format(15),
