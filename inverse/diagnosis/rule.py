@@ -11,9 +11,9 @@ d' 9 or 12 each, 78.8 -> 80.8 of 100 pairs were among the explanations (104). To
 makes 6 more of 100 effects of no name and causes taken out unexplained, and of true pairs 5.
 
 Not in: corrections that are smooth along temperature in all sonications alike, or any that they share, tested by
-themselves beside the best-fitting cause. Of 115 effects in no list one cause is not enough for 87, and would not be for
-90 to 92; of 92 causes taken out 49 and 50; of 388 true causes 19 and 19 to 26 (what is asked of p, of two or three
-times these).
+themselves beside the best-fitting cause, three times the p of which has to reach `least_p`, too (`LEAST_P` 0.20 or
+0.25). Of 115 effects in no list one cause is not enough for 87, and would not be for 90 to 92; of 92 causes taken out
+for 49 and 50; of 388 true causes for 19 and 19 to 26.
 
 A dynamic mechanical analysis has nothing to gain by the rule for few (of causes taken out 77.7 -> 77.7, of true ones
 3.7 -> 4.5; 130 and 134 sets).

@@ -300,13 +300,13 @@ def test_constants_of_every_sweep_stand_in_json_and_report_as_the_extension_make
     assert f"| {first['of']} | {first['without']:.4g} → {first['with_causes']:.4g} |" in text
     assert not any(one["without_at_end"] or one["with_causes_at_end"] for one in constants) and "`?` marks" not in text
     # A relaxation time at the end of its range; a modulus of the branch that vanished is no end of the unrelaxed one.
-    places = found.problem.parameters[1][2].transform.bounds
+    shortest, _ = found.problem.parameters[1][2].transform.bounds
     ended = found.extended.constants.copy()
-    ended[1, 1:3] = ended[1, 0], places[0]
+    ended[1, 1:3] = ended[1, 0], shortest
     at_end = dataclasses.replace(found, extended=dataclasses.replace(found.extended, constants=ended))
     marked = [(one["of"], one["name"]) for one in as_json(at_end)["constants"] if one["with_causes_at_end"]]
     assert marked == [(found.problem.sweeps[1].label, "tau")]
-    assert f"→ {places[0]:.4g} ? |" in report(at_end, "these data", []) and "`?` marks" in report(at_end, "these", [])
+    assert f"→ {shortest:.4g} ? |" in report(at_end, "these data", []) and "`?` marks" in report(at_end, "these", [])
     without = dataclasses.replace(found, extended=None)
     assert as_json(without)["constants"] == [] and "Constants without" not in report(without, "these data", [])
 
