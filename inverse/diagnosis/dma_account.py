@@ -68,9 +68,8 @@ class DmaAccount:
         # The order of a conventional solid is no constant, unless a cause makes it one.
         has_order = self.problem.model.fractional or bool(np.any(found[:, 3] != 1.0))
         columns = _COLUMNS if has_order else _COLUMNS[:-1]
-        fits = (self.problem.constants, extended.constants)
         values = np.stack([self.problem.constants, found], axis=-1).tolist()
-        at_end = np.stack([self._at_end(one) for one in fits], axis=-1).tolist()
+        at_end = np.stack([self._at_end(self.problem.constants), self._at_end(extended.constants)], axis=-1).tolist()
         return [
             FittedConstant(name, unit, sweep.label, *values[row][place], *at_end[row][place])
             for row, sweep in enumerate(self.problem.sweeps)
