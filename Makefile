@@ -70,7 +70,7 @@ operating-characteristic-zener: $(VENV)/.run  ## the same for the conventional m
 	$(DETECTION) --model zener
 
 operating-characteristic-hmi-linear: $(VENV)/.run  ## the same for displacement, on linear data, in three quarters of an hour
-	$(BIN)/python -m benchmarks.diagnosis_hmi_fast $(filter-out --anew,$(STUDY)) --share $(if $(QUICK),0.05,0.5)
+	$(BIN)/python -m benchmarks.diagnosis_hmi_fast $(filter-out --anew,$(STUDY)) --out $(RECORDS)/diagnosis_hmi_fast.json --share $(if $(QUICK),0.05,0.5)
 
 operating-characteristic-hmi: $(VENV)/.run  ## the same on simulated data, two hours a round
 	$(BIN)/python -m benchmarks.diagnosis_hmi $(STUDY) $(if $(QUICK),--minutes 15 --out $(RECORDS)/diagnosis_hmi.jsonl,--out benchmarks/records/diagnosis_hmi.jsonl)

@@ -29,6 +29,7 @@ from inverse.figures.hmi_diagnosis import hmi_diagnosis_figure
 from inverse.figures.residuals import residuals_figure
 from inverse.output import output_directory, write_figures, write_json
 from inverse.precision import require_double_precision
+from inverse.resolution import as_measured, is_finer_than_measured, remark_on
 
 MODELS = {"fractional": FRACTIONAL, "zener": CONVENTIONAL}
 """Null models by the names that users write."""
@@ -44,7 +45,7 @@ class Diagnosed:
         details: Fits, statistics and noise behind it.
         design: What would separate causes that these data cannot tell apart; None if there are none, if they come in
             pairs, or if not asked for.
-        remarks: On the file, such as columns that were not used.
+        remarks: On the file, such as columns that were not used, or that its numbers look simulated.
     """
 
     content: dict[str, Any]
@@ -129,6 +130,8 @@ def diagnose(
         raise InputError("a DMA is diagnosed without an experiment: leave out `experiment`.")
     if isinstance(causes, str):
         raise InputError(f"`causes` must be a list of names, got a text: write ['{causes}'].")
+    if not isinstance(causes, Sequence):
+        raise InputError(f"`causes` must be a list, got {type(causes).__name__}: write [...] around it.")
     if seed < 0:
         raise InputError(f"`seed` must be 0 or more, got {seed}.")
     require_level(level)
@@ -174,10 +177,17 @@ class _Asked:
 
 
 def _of_dma(data: DmaData, name: str, model: ZenerModel, asked: _Asked) -> Diagnosed:
-    causes = find_causes(asked.causes or DMA_CAUSES, DMA_CAUSES)
-    found = diagnose_dma(
-        data, model=model, causes=causes, level=asked.level, seed=asked.seed, gain=asked.gain, on_step=asked.on_step
-    )
+    causes, remarks = find_causes(asked.causes or DMA_CAUSES, DMA_CAUSES), unused(data.ignored_columns)
+
+    def diagnosis(of: DmaData) -> Diagnosis:
+        return diagnose_dma(
+            of, model=model, causes=causes, level=asked.level, seed=asked.seed, gain=asked.gain, on_step=asked.on_step
+        )
+
+    found = diagnosis(data)
+    if is_finer_than_measured(found):
+        data = as_measured(data, asked.seed)
+        found, remarks = diagnosis(data), (*remarks, remark_on())
 
     def design(names: Sequence[str]) -> Design:
         return design_dma(
@@ -185,7 +195,7 @@ def _of_dma(data: DmaData, name: str, model: ZenerModel, asked: _Asked) -> Diagn
             on_step=asked.on_step,
         )  # fmt: skip
 
-    return asked.answered(found, name, unused(data.ignored_columns), design)
+    return asked.answered(found, name, remarks, design)
 
 
 def _of_hmi(hmi: Path | str | HmiData, experiment: Path | str | Experiment | None, asked: _Asked) -> Diagnosed:

@@ -50,7 +50,7 @@ def plan_sweeps(data: HmiData, protocol: StepwiseProtocol, reference_temperature
     """
     if reference_temperature < protocol.start_temperature:
         raise InputError(
-            f"{data.path}: cannot be normalised at `calibration.reference_temperature_c` = {reference_temperature:g} "
+            f"{data.path}: cannot be normalised at `reference_temperature_c` = {reference_temperature:g} "
             f"degC, below the protocol's start at {protocol.start_temperature:g} degC; change one of the two in the "
             "experiment file."
         )
@@ -69,7 +69,7 @@ def plan_sweeps(data: HmiData, protocol: StepwiseProtocol, reference_temperature
         if highest < reference_temperature or highest <= protocol.start_temperature:
             raise InputError(
                 f"{data.path}: a sonication ends at {highest:g} degC, below the {reference_temperature:g} degC at "
-                "which it is normalised; leave it out or lower `calibration.reference_temperature_c`."
+                "which it is normalised; leave it out or lower `reference_temperature_c`."
             )
         rows = np.flatnonzero([final[label] == highest for label in data.sonication])
         states, places = np.unique(temperature[rows], return_inverse=True)
@@ -88,7 +88,7 @@ def _sweep_in_time(data: HmiData, protocol: StepwiseProtocol, reference_temperat
     if not protocol.start_temperature <= reference_temperature <= protocol.final_temperature:
         raise InputError(
             f"{data.path}: gives times only, so the displacement is normalised to the simulated one at "
-            f"`calibration.reference_temperature_c`; {reference_temperature:g} degC must lie in the protocol's "
+            f"`reference_temperature_c`; {reference_temperature:g} degC must lie in the protocol's "
             f"{protocol.start_temperature:g} to {protocol.final_temperature:g} degC."
         )
     states, places = np.unique(data.time, return_inverse=True)

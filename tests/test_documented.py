@@ -7,6 +7,7 @@ import pytest
 
 import inverse
 from inverse.diagnosis.choice import find_causes
+from tests.inverse.diagnosis_keys import DESIGN_KEYS, INSIDE, INSIDE_DESIGN, KEYS, MEASUREMENT
 
 ROOT = Path(__file__).parent.parent
 
@@ -34,3 +35,9 @@ def test_a_cause_of_one_s_own_is_shown_as_it_runs(asked):
         # Refused if it is of another kind, or lacks what a cause says of itself.
         found = find_causes(wanted["causes"], wanted["causes"][:-1])
         assert found[-1].name == own and found[-1].sentence.endswith(".") and found[-1].shapes
+
+
+def test_every_key_of_what_is_written_is_documented():
+    words = set(re.findall(r"`([a-z_]+)`", (ROOT / "docs/diagnosis.md").read_text(encoding="utf-8")))
+    inside = {key for keys in (*INSIDE.values(), *INSIDE_DESIGN.values(), MEASUREMENT) for key in keys}
+    assert {*KEYS, *DESIGN_KEYS, *inside} - words == set()

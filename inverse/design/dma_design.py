@@ -57,13 +57,13 @@ def design_dma(
     assert found.noise is not None
     # Relative, as deviations that a file states say nothing of readings that are still to come.
     size = found.noise.size * float(np.median(1.0 / found.problem.weights))
-    problem, _ = dma_problem(_plain(data), model, seed=seed)
+    problem = dma_problem(_plain(data), model, seed=seed)
     now = _separation(problem, extensions, strengths, size)
     rated: list[tuple[DmaProposal, Separation]] = []
     for proposal in dma_proposals(data, sample=problem.sweeps[0].sample, seed=seed):
         on_step(f"rating: {proposal.words}")
         together = _with(data, problem, proposal)
-        rated.append((proposal, _separation(dma_problem(together, model)[0], extensions, strengths, size)))
+        rated.append((proposal, _separation(dma_problem(together, model), extensions, strengths, size)))
     rated.sort(key=lambda one: -one[1].worst)
     checks = []
     if check:
@@ -150,7 +150,7 @@ def _simulated(
     together: DmaData, model: ZenerModel, extension: Extension[DmaCause], strength: float, size: float, seed: int
 ) -> DmaData:
     """The whole measurement with a cause in it and noise, in the order of its rows."""
-    problem, _ = dma_problem(together, model, seed=seed)
+    problem = dma_problem(together, model, seed=seed)
     modulus = np.asarray(
         predicted_modulus(jnp.asarray(problem.constants), problem.conditions, (extension,), jnp.asarray([strength]))
     )

@@ -1,6 +1,8 @@
 """Which causes of a library are looked for."""
 
 import difflib
+import itertools
+import math
 from collections.abc import Sequence
 
 from arfjax import InputError
@@ -25,7 +27,7 @@ def find_causes(wanted: Sequence[str | Cause], library: Sequence[AnyCause]) -> t
 
     Raises:
         InputError: if there is none of a name, two different ones have the same, or something is no cause, lacks what a
-            cause says of itself, or is of another kind than the library's.
+            cause says of itself, says what fits cannot use, or is of another kind than the library's.
     """
     require_causes(library)
     known, found = {cause.name: cause for cause in library}, {}
@@ -88,4 +90,19 @@ def _as_cause(one: object, kind: type[AnyCause]) -> AnyCause:
         raise InputError(f"causes: {type(one).__name__} does not say its {', '.join(missing)}.")
     if not isinstance(one, kind):
         raise InputError(f"causes: '{one.name}' is no {kind.__name__}: it belongs to another measurement.")
+    for wrong, expected in _wrong_in(one):
+        if wrong:
+            raise InputError(f"causes: '{one.name}' needs {expected}; `Cause` says what each of them is.")
     return one
+
+
+def _wrong_in(one: Cause) -> tuple[tuple[bool, str], ...]:
+    """What a cause says of itself that fits and searches could not use, and what is expected."""
+    ascending = all(a < b for a, b in itertools.pairwise(one.shapes))
+    return (
+        (one.sign not in (0, 1), f"a `sign` of 0 (either sign) or 1 (none below 0), got {one.sign}"),
+        (not 0.0 < one.plausible < math.inf, f"a finite `plausible` above 0, got {one.plausible:g}"),
+        (not one.largest >= one.plausible, f"a `largest` of its `plausible`, {one.plausible:g}, or more"),
+        (not (one.shapes and ascending), f"`shapes` that ascend, at least one, got {one.shapes}"),
+        (len(one.shapes) > 1 and not one.shape_means, "a `shape_means`, since it has several `shapes`"),
+    )

@@ -50,7 +50,7 @@ def diagnose_dma(
     replicates = require_level(level, replicates)
     require_causes(causes)
     on_step("fitting")
-    problem, _ = dma_problem(data, model, seed=seed)
+    problem = dma_problem(data, model, seed=seed)
     audit = _audit(problem)
     if not all(fit.converged for fit in problem.fits):
         return failed(DmaAccount(problem), problem, problem.residuals(), audit, level=level, seed=seed)

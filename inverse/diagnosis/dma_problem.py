@@ -14,13 +14,15 @@ from inverse.datasets.dma import DmaData, Sweep, group_sweeps
 from inverse.diagnosis.cause import DmaConditions, Extension, predicted_modulus
 from inverse.diagnosis.noise import Ordering, series
 from inverse.diagnosis.screening import Alternative
-from inverse.dma_fit import CONVENTIONAL, DmaFit, SweepFit, ZenerModel, fit_sweeps
+from inverse.dma_fit import CONVENTIONAL, SweepFit, ZenerModel, fit_sweeps
 from inverse.dma_residuals import LogModulus
 from inverse.parameters import Parameter
 
 _RESIDUAL = LogModulus()
 _SHORTEST_VISIT = 3
 """Rows at one temperature in a row, below which, in half of them, temperatures were changed from row to row."""
+_COLDEST_DRYING = -100.0
+"""Temperature [degC] below which vapour pressure is taken for what it is there, a hundred-thousandth of that at 0."""
 LEAST_SPARE = 4
 """Data beyond the number of fitted constants below which nothing is said about the model."""
 
@@ -131,7 +133,7 @@ class DmaProblem:
         return np.repeat(np.asarray(self.conditions.angular_frequency) / (2.0 * np.pi), self.weights.shape[1])
 
 
-def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: int = 16) -> tuple[DmaProblem, DmaFit]:
+def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: int = 16) -> DmaProblem:
     """Fit the model to every sweep of a data set and get it ready for a diagnosis.
 
     Args:
@@ -141,7 +143,7 @@ def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: in
         n_starts: Starts of each fit.
 
     Returns:
-        The problem on the sweeps that could be fitted, and all fits for the audit.
+        The problem on the sweeps that could be fitted.
 
     Raises:
         InputError: if there are too few data; see `usable_sweeps`.
@@ -155,18 +157,15 @@ def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: in
     left_out = len(group_sweeps(data)) - len(sweeps)
     if left_out:
         notes = (*notes, f"{left_out} sweeps with too few frequencies for {needed} constants were left out.")
-    return (
-        DmaProblem(
-            sweeps=sweeps,
-            fits=fit.fits,
-            model=model,
-            conditions=_conditions(sweeps),
-            has_phase=data.has_phase,
-            weights=weights,
-            stated_deviations=stated,
-            notes=notes,
-        ),
-        fit,
+    return DmaProblem(
+        sweeps=sweeps,
+        fits=fit.fits,
+        model=model,
+        conditions=_conditions(sweeps),
+        has_phase=data.has_phase,
+        weights=weights,
+        stated_deviations=stated,
+        notes=notes,
     )
 
 
@@ -295,8 +294,9 @@ def _exposure(sweeps: Sequence[Sweep]) -> list[Float[np.ndarray, " row"]]:
 
 
 def _vapour_pressure(temperature: Float[np.ndarray, " row"]) -> Float[np.ndarray, " row"]:
-    """Of water [Pa], by the Magnus formula."""
-    return 610.94 * np.exp(17.625 * temperature / (243.04 + temperature))
+    """Of water [Pa], by the Magnus formula; far below its range, where nothing dries, at the coldest it is taken at."""
+    felt = np.maximum(temperature, _COLDEST_DRYING)
+    return 610.94 * np.exp(17.625 * felt / (243.04 + felt))
 
 
 def _coordinates_of(data: DmaData, has_phase: bool) -> Float[np.ndarray, "row coordinate"]:

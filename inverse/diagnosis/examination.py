@@ -163,25 +163,24 @@ def visible_alternatives(
         shapes = [a for a in alternatives if a.name == cause.name]
         visible = [float(visibility(a.directions, fitted)[0]) for a in shapes]
         detectable = [detectable_strength(a, v, size) for a, v in zip(shapes, visible, strict=True)]
-        usable = [
-            a
-            for a, v, d in zip(shapes, visible, detectable, strict=True)
-            if v >= LEAST_VISIBILITY and d <= MOST_IMPLAUSIBLE * cause.plausible
-        ]
+        most = min(MOST_IMPLAUSIBLE * cause.plausible, cause.largest)
+        usable = [a for a, v, d in zip(shapes, visible, detectable, strict=True) if v >= LEAST_VISIBILITY and d <= most]
         seen += usable
         if usable:
             continue
         best = int(np.argmax(visible))
-        if float(np.linalg.norm(shapes[best].directions)) * MOST_IMPLAUSIBLE * cause.plausible < NEGLIGIBLE * size:
+        if float(np.linalg.norm(shapes[best].directions)) * most < NEGLIGIBLE * size:
             why = "it has no effect on these data"
         elif visible[best] < LEAST_VISIBILITY:
             why = f"the fitted constants imitate all but {100.0 * visible[best]:.2g} % of its effect"
         else:
             unit = "" if cause.unit == "1" else f" {cause.unit}"
-            why = (
-                f"it would have to be {min(detectable):.2g}{unit} to be seen, "
-                f"where {cause.plausible:.2g}{unit} is plausible"
+            limit = (
+                f"{cause.plausible:.2g}{unit} is plausible"
+                if most < cause.largest
+                else f"there is none above {cause.largest:.2g}{unit}"
             )
+            why = f"it would have to be {min(detectable):.2g}{unit} to be seen, where {limit}"
         hidden.append(NotTestable(cause.name, why, cause.helps))
     return seen, tuple(hidden)
 

@@ -213,7 +213,15 @@ def _notes(data: HmiData, rows: HmiRows, reference: float) -> tuple[str, ...]:
     if data.time is None:
         notes.append("The file gives no times: those are taken from the simulated heating.")
     if data.temperature is None:
-        notes.append("The file gives no temperatures: those are taken from the simulated heating.")
+        notes.append(
+            "The file gives no temperatures: those are taken from the simulated heating, in every sonication up to the "
+            "last of `protocol.temperatures_c`."
+        )
+        if data.in_percent:
+            notes.append(
+                "Which reading a curve was divided by is not known without temperatures: its error is not counted, and "
+                "`normalisation-temperature` has nothing to act on."
+            )
     if len(rows) > len(data.displacement):
         count = len(rows) - len(data.displacement)
         notes.append(

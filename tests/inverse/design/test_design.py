@@ -13,10 +13,12 @@ from inverse.design import design_dma
 from inverse.design.design import alive, reasons
 from inverse.design.dma_information import dma_information
 from inverse.design.dma_proposals import dma_proposals
+from inverse.design.report import as_json
 from inverse.design.separation import separation
 from inverse.diagnosis import DMA_CAUSES, diagnose_dma
 from inverse.diagnosis.cause import Extension
 from tests.blind import dma_generator as blind
+from tests.inverse.diagnosis_keys import require_design_keys
 
 LIKE = ("sweep-drift", "bath-viscosity")
 STEADY = ("noise-floor", "strain-nonlinearity")
@@ -99,7 +101,8 @@ def test_command_writes_what_it_found_and_the_promise_is_kept(file, tmp_path):
     arguments = ["design", "--dma", str(noted), "--causes", ",".join(LIKE), "--out", str(out), "--seed", "5"]
     assert run(arguments) == 0
     content = json.loads((out / "design.json").read_text())
-    assert content["schema_version"] == 3 and content["verdict"] in ("named", "confusable", "unexplained")
+    require_design_keys(content)
+    assert content["verdict"] in ("named", "confusable", "unexplained")
     best = content["proposals"][0]
     assert best["probability_right"] > content["now"]["probability_right"]
     assert [one["hidden"] for one in content["checks"]] == list(LIKE)
@@ -125,6 +128,7 @@ def test_what_nothing_can_be_designed_by_is_refused(file, found):
         design_dma(data, found=dataclasses.replace(found, causes=found.causes[:1]))
     twice = design_dma(data, found=found, causes=("slip", "slip", "drying"), check=False, locate=False)
     assert twice.now.names == ("slip", "drying") and twice.information is None and twice.notes == ()
+    require_design_keys(as_json(twice))
     assert found.decision is not None
     pair = dataclasses.replace(found.decision, explanations=(("slip", "drying"), ("slip", "sweep-drift")))
     with pytest.raises(InputError, match=r"two causes at once \(slip with drying; slip with sweep-drift\)"):

@@ -8,17 +8,17 @@ import pytest
 import inverse
 from inverse.commands.main import run
 from inverse.datasets.dma import dma_data, read_dma
-from inverse.diagnosis import diagnose_dma
+from inverse.diagnosis import DMA_CAUSES, diagnose_dma
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
 from tests.blind import dma_generator as blind
 
 TESTABLE = blind.shown()
 
 
-def diagnosed(folder, *, seed, gain=False, model=FRACTIONAL, **hidden):
+def diagnosed(folder, *, seed, gain=False, model=FRACTIONAL, causes=DMA_CAUSES, **hidden):
     hidden["conventional"] = model == CONVENTIONAL
     blind.write(folder / "data.csv", folder / "key.json", seed=blind.TEST_SEEDS + seed, **hidden)
-    found = diagnose_dma(read_dma(folder / "data.csv"), model=model, seed=seed, gain=gain)
+    found = diagnose_dma(read_dma(folder / "data.csv"), model=model, causes=causes, seed=seed, gain=gain)
     return found, json.loads((folder / "key.json").read_text())
 
 
@@ -66,16 +66,21 @@ def test_viscosity_of_the_bath_comes_first(tmp_path):
     assert found.causes[0].estimate == pytest.approx(key["strength"], rel=0.5)
 
 
-def test_nothing_hidden_nothing_found(tmp_path):
-    """Four data sets at level 5 %: three or more false alarms have a probability of 5e-4."""
-    verdicts = [diagnosed(tmp_path, seed=seed)[0].verdict for seed in range(4)]
-    assert sum(verdict == "adequate" for verdict in verdicts) >= 2
-
-
 def test_of_a_conventional_solid_nothing_is_found_by_the_conventional_model(tmp_path):
-    """Four data sets at level 5 %, as above."""
+    """Four data sets at level 5 %: three or more false alarms have a probability of 5e-4."""
     found = [diagnosed(tmp_path, seed=7100 + n, model=CONVENTIONAL)[0] for n in range(4)]
     assert sum(one.verdict in ("adequate", "noise-model") for one in found) >= 2
+
+
+@pytest.mark.parametrize(
+    "noise", ["white", "tails", "correlated-0.3", "correlated-0.6", "loud", f"{blind.IN_TIME}-0.6"]
+)
+def test_noise_of_no_kind_is_taken_for_an_effect(tmp_path, noise):
+    """Six data sets at level 5 %: three or more false alarms have a probability of 2e-3, and of a half where the noise
+    would be taken for an effect in half of them.
+    """
+    found = [diagnosed(tmp_path, seed=6000 + n, noise=noise)[0] for n in range(6)]
+    assert sum(one.decision is None or one.decision.omnibus.p_value < 0.05 for one in found) <= 2
 
 
 @pytest.mark.slow
@@ -134,13 +139,27 @@ def test_a_compliant_clamp_is_hidden_cannot_be_seen_and_is_said_to_be(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["bump", "mains", "one-temperature"])
+@pytest.mark.parametrize("name", list(blind.UNKNOWN))
 def test_an_effect_of_no_name_stays_without(tmp_path, name):
     """At d' = 12 more than nine of ten stay so; two that do not are less likely than one in a hundred."""
     seeds = (3000 + 100 * list(blind.UNKNOWN).index(name) + number for number in (1, 2))
     found = [diagnosed(tmp_path, seed=seed, name=name, d_prime=12.0)[0] for seed in seeds]
     assert all(one.verdict != "adequate" for one in found)
     assert any(one.verdict == "unexplained" and not one.named for one in found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["frame-resonance", "instrument-inertia", "slip"])
+def test_a_cause_that_is_taken_out_of_the_library_is_given_no_other_s_name(tmp_path, name):
+    """Of these, which no other cause imitates, more than 84 of 100 are `unexplained` then: in fewer than two of four in
+    fewer than two of 100 (docs/operating_characteristic.md has the others).
+    """
+    library = [cause for cause in DMA_CAUSES if cause.name != name]
+    first = 8000 + 10 * TESTABLE.index(name)
+    found = [diagnosed(tmp_path, seed=first + n, name=name, d_prime=9.0, causes=library)[0] for n in range(4)]
+    assert all(one.verdict != "adequate" for one in found)
+    assert sum(one.verdict == "unexplained" and not one.named for one in found) >= 2
+    assert all(name not in {own.cause.name for own in one.causes} for one in found)
 
 
 @pytest.mark.slow

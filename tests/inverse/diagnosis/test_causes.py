@@ -35,7 +35,7 @@ def measured(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def problem(measured):
-    return dma_problem(measured, FRACTIONAL)[0]
+    return dma_problem(measured, FRACTIONAL)
 
 
 def test_library_holds_the_names_that_users_write():
@@ -101,7 +101,7 @@ def test_direction_is_what_an_independent_code_gives(problem, measured, name):
 def test_what_the_fit_leaves_of_an_effect_turns_little_from_shape_to_shape(tmp_path, name):
     """Else an effect between two shapes looks like neither, and is not seen."""
     blind.write(tmp_path / "data.csv", tmp_path / "key.json", seed=3, name=name, noise="none", d_prime=4.5)
-    problem = dma_problem(read_dma(tmp_path / "data.csv"), FRACTIONAL)[0]
+    problem = dma_problem(read_dma(tmp_path / "data.csv"), FRACTIONAL)
     basis = independent(problem.fitted_directions())
     for cause in DMA_CAUSES:
         directions = [a.directions[:, 0] for a in problem.directions(every_shape([cause]))]
@@ -118,14 +118,14 @@ def test_compliance_in_series_is_imitated_by_the_constants(problem):
 def test_power_law_is_in_the_fractional_model_and_not_in_the_conventional_one(measured, problem):
     cause = every_shape(cause for cause in DMA_CAUSES if cause.name == "power-law-relaxation")
     assert visibility(problem.directions(cause)[0].directions, problem.fitted_directions())[0] < 1e-6
-    zener = dma_problem(measured, CONVENTIONAL)[0]
+    zener = dma_problem(measured, CONVENTIONAL)
     assert visibility(zener.directions(cause)[0].directions, zener.fitted_directions())[0] > 0.1
 
 
 def test_a_strength_stays_within_what_it_can_be(tmp_path):
     """Beyond the largest an order or a modulus would be negative; intervals end there, too."""
     blind.write(tmp_path / "data.csv", tmp_path / "key.json", seed=blind.TEST_SEEDS + 5101, name="slip", d_prime=9.0)
-    problem, _ = dma_problem(read_dma(tmp_path / "data.csv"), FRACTIONAL)
+    problem = dma_problem(read_dma(tmp_path / "data.csv"), FRACTIONAL)
     noise = noise_family(problem.orderings(), problem.frequencies())[0]
     free = fit_extended(problem, [Extension(Slip(), 0.0)], noise, np.array([0.1]))
 

@@ -4,6 +4,7 @@ import dataclasses
 import inspect
 import json
 import math
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,7 @@ import pytest
 import inverse
 from arfjax import InputError, read_experiment
 from inverse.commands.main import run
-from inverse.datasets.dma import read_dma
+from inverse.datasets.dma import dma_data, read_dma
 from inverse.datasets.hmi import read_hmi
 from inverse.datasets.shipped import shipped
 from inverse.datasets.table import unused
@@ -23,8 +24,11 @@ from inverse.diagnosis.choice import find_causes
 from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.report import as_json, pairs_in_question, report
 from inverse.figures.residuals import residuals_figure
+from inverse.resolution import RESOLUTION, as_measured
 from tests.blind import dma_generator as blind
 from tests.inverse.diagnosis_keys import INSIDE, require_keys
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 class Backlash(DmaCause):
@@ -112,6 +116,61 @@ def test_what_is_no_cause(wrong, said):
         inspect.unwrap(find_causes)(["slip", wrong], DMA_CAUSES)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"shapes": (2.0, 1.0), "shape_means": "gap"}, r"`shapes` that ascend, at least one, got \(2.0, 1.0\)"),
+        ({"shapes": ()}, r"`shapes` that ascend, at least one"),
+        ({"shapes": (1.0, 2.0)}, "a `shape_means`, since it has several"),
+        ({"plausible": 0.0}, "a finite `plausible` above 0, got 0"),
+        ({"plausible": math.nan}, "a finite `plausible` above 0, got nan"),
+        ({"sign": -1}, r"a `sign` of 0 \(either sign\) or 1"),
+        ({"largest": 0.05}, "a `largest` of its `plausible`, 0.1, or more"),
+    ],
+)
+def test_a_cause_of_ones_own_that_no_search_could_use(wrong, said):
+    with pytest.raises(InputError, match=f"causes: 'backlash' needs {said}"):
+        find_causes([type("Odd", (Backlash,), wrong)()], DMA_CAUSES)
+
+
+def test_one_cause_in_place_of_a_list(file):
+    with pytest.raises(InputError, match=r"`causes` must be a list, got Backlash: write \[...\] around it"):
+        inspect.unwrap(inverse.diagnose)(file, causes=Backlash())
+
+
+def simulated(inertia):
+    frequency, sizes = np.geomspace(0.5, 50.0, 12), np.array([1.0, 0.8, 0.6])
+    constants = np.outer(sizes, [3000.0, 9000.0, 0.01, 0.0]) + [0.0, 0.0, 0.0, 0.6]
+    omega = 2.0 * np.pi * frequency
+    modulus = (blind.solid(constants, omega) - inertia * omega**2).ravel()
+    temperature = np.repeat([25.0, 40.0, 55.0], len(frequency))
+    return dma_data(np.tile(frequency, 3), temperature, np.stack([modulus.real, modulus.imag], axis=-1))
+
+
+@pytest.mark.parametrize(("inertia", "named"), [(0.0, ()), (5e-3, ("instrument-inertia",))])
+def test_of_data_that_are_simulated_without_noise_the_rounding_is_not_examined(inertia, named):
+    """Tests are relative to what is left: of 16 digits that had been their last ones, and `unexplained`."""
+    found = inverse.diagnose(simulated(inertia), causes=["instrument-inertia", "slip"], gain=False)
+    assert (found.verdict, found.named) == ("named" if named else "adequate", named)
+    assert "they look simulated" in found.remarks[-1] and found.remarks[-1] in found.content["notes"]
+    # 36 or more degrees of freedom: four standard errors.
+    assert found.content["noise"]["size"] == pytest.approx(RESOLUTION, rel=0.5)
+
+
+def test_noise_of_the_resolution_is_in_magnitude_and_phase_alike():
+    data = simulated(0.0)
+    magnitude_alone = dma_data(data.frequency_hz, data.temperature_c, data.modulus_magnitude)
+    coarse, again, alone = as_measured(data, 3), as_measured(data, 3), as_measured(magnitude_alone, 3)
+    change = np.log(
+        (coarse.storage_modulus + 1j * coarse.loss_modulus) / (data.storage_modulus + 1j * data.loss_modulus)
+    )
+    for part in (change.real, change.imag):
+        assert np.std(part) == pytest.approx(RESOLUTION, rel=4.0 / np.sqrt(72.0))
+    np.testing.assert_array_equal(coarse.storage_modulus, again.storage_modulus)
+    np.testing.assert_allclose(alone.modulus_magnitude, coarse.modulus_magnitude, rtol=1e-12)
+    assert not alone.has_phase
+
+
 def test_single_precision_is_refused_before_anything_is_done(file):
     jax.config.update("jax_enable_x64", False)
     described = read_experiment(shipped("suomi2016_experiment"))
@@ -131,9 +190,9 @@ def test_a_fit_that_failed_blames_no_physics(file, tmp_path, monkeypatch):
     prepared = dma_diagnosis.dma_problem
 
     def failing(*given, **named):
-        problem, rest = prepared(*given, **named)
+        problem = prepared(*given, **named)
         lost = dataclasses.replace(problem.fits[2], converged=False, status="no minimum was found")
-        return dataclasses.replace(problem, fits=(*problem.fits[:2], lost, *problem.fits[3:])), rest
+        return dataclasses.replace(problem, fits=(*problem.fits[:2], lost, *problem.fits[3:]))
 
     monkeypatch.setattr(dma_diagnosis, "dma_problem", failing)
     found = inverse.diagnose(file, out=tmp_path / "out")
@@ -193,6 +252,35 @@ def test_the_terminal_says_which_pairs_and_which_columns_were_not_used(file, tmp
     shown = " ".join(capsys.readouterr().out.split())
     assert "two together, which cannot be told apart: sweep-drift with slip; drying with slip" in shown
     assert "Columns not used: tyme_s." in shown
+
+
+def test_the_command_writes_each_of_two_files_into_its_folder(file, tmp_path, monkeypatch, capsys):
+    """What is asked of each, and where it stands; the curves' own diagnosis takes minutes, another stands for it."""
+    found, asked = inverse.diagnose(file, causes=["sweep-drift", "slip"], gain=False), []
+
+    def answer(dma, **named):
+        asked.append((dma, named))
+        return found
+
+    monkeypatch.setattr("inverse.commands.diagnose.diagnose", answer)
+    experiment, curves, out = (
+        str(EXAMPLES / "suomi2016_published.toml"),
+        str(shipped("suomi2016_hmi")),
+        tmp_path / "out",
+    )
+    causes = ["--causes", "slip,boiling", "--seed", "3", "--level", "0.1"]
+    assert run(["diagnose", experiment, "--dma", str(file), "--hmi", curves, "--out", str(out), *causes]) == 0
+    (dma, of_dma), (none, of_hmi) = asked
+    assert (dma, of_dma["hmi"], none, str(of_hmi["hmi"])) == (file, None, None, curves)
+    assert of_dma["experiment"] is None and str(of_hmi["experiment"]) == experiment
+    assert [[one.name for one in named["causes"]] for named in (of_dma, of_hmi)] == [["slip"], ["boiling"]]
+    assert all((named["seed"], named["level"]) == (3, 0.1) for named in (of_dma, of_hmi))
+    assert {path.name for path in out.iterdir()} == {"dma", "hmi", "summary.json"}
+    results, shown = json.loads((out / "summary.json").read_text())["results"], "".join(capsys.readouterr().out.split())
+    for kind in ("dma", "hmi"):
+        assert json.loads((out / kind / "diagnosis.json").read_text()) == json.loads(json.dumps(found.content))
+        assert results[kind]["verdict"] == found.verdict and len(results[kind]["diagnosis_sha256"]) == 64
+        assert str(out / kind) in shown
 
 
 def test_that_no_cause_was_likely_enough_to_be_tried_is_said(file):

@@ -25,7 +25,7 @@ def problem_of(temperature, frequency, time):
     modulus = blind.solid(constants, 2.0 * np.pi * np.asarray(frequency))[0] * (1.0 + np.asarray(temperature) / 100.0)
     modulus = modulus * np.exp(0.01 * np.random.default_rng(2).standard_normal(len(time)))
     data = dma_data(np.asarray(frequency), np.asarray(temperature), np.stack([modulus.real, modulus.imag], axis=-1))
-    return dma_problem(dataclasses.replace(data, time_s=np.asarray(time, dtype=float)), FRACTIONAL, n_starts=4)[0]
+    return dma_problem(dataclasses.replace(data, time_s=np.asarray(time, dtype=float)), FRACTIONAL, n_starts=4)
 
 
 def test_a_temperature_that_is_measured_again_has_two_visits_and_one_set_of_constants():
@@ -136,7 +136,7 @@ def test_what_a_fit_leaves_of_a_hidden_effect_is_what_its_key_says(tmp_path, mod
     conventional = model == CONVENTIONAL
     hidden = {"name": name, "d_prime": 6.0, "noise": "none", "conventional": conventional}
     blind.write(tmp_path / "data.csv", tmp_path / "key.json", seed=17, **hidden)
-    problem = dma_problem(read_dma(tmp_path / "data.csv"), model)[0]
+    problem = dma_problem(read_dma(tmp_path / "data.csv"), model)
     size = blind.noise_size(conventional=conventional)
     assert np.linalg.norm(problem.residuals()) / size == pytest.approx(6.0, rel=2e-3)
 
@@ -145,7 +145,7 @@ def test_an_interval_holds_what_shapes_between_those_of_a_coarse_list_allow(tmp_
     """Close to the relaxation of the solid a second one fits, weaker or stronger, within a tenth of the sweep."""
     hidden = {"name": "second-relaxation", "d_prime": 6.0, "conventional": True}
     blind.write(tmp_path / "data.csv", tmp_path / "key.json", seed=12212, **hidden)
-    problem = dma_problem(read_dma(tmp_path / "data.csv"), CONVENTIONAL)[0]
+    problem = dma_problem(read_dma(tmp_path / "data.csv"), CONVENTIONAL)
     white = noise_family(problem.orderings(), problem.frequencies())[0]
     second = [Extension(next(one for one in DMA_CAUSES if one.name == "second-relaxation"), 0.55)]
     ends = {}
@@ -171,7 +171,7 @@ def test_a_fit_that_fails_in_the_likeliest_noise_is_not_used_and_that_is_said(tm
         return dataclasses.replace(found, converged=False, status="too many steps")
 
     monkeypatch.setattr(dma_examination, "fit_extended", lost)
-    problem, _ = dma_problem(read_dma(file), FRACTIONAL)
+    problem = dma_problem(read_dma(file), FRACTIONAL)
     slip = [cause for cause in DMA_CAUSES if cause.name == "slip"]
     found = dma_examination.examine_dma(problem, slip, np.random.default_rng(1))
     assert len(begun) == 1 and "too many steps" in found.remarks[0]
@@ -181,6 +181,6 @@ def test_a_fit_that_fails_in_the_likeliest_noise_is_not_used_and_that_is_said(tm
 def test_a_deviation_that_is_not_used_is_named():
     sweep = np.geomspace(0.1, 100.0, 8)
     both = dma_data(sweep, np.full(8, 20.0), np.stack([1e3 * sweep**0.2, 1e2 * sweep**0.1], axis=-1))
-    problem, _ = dma_problem(dataclasses.replace(both, modulus_magnitude_sd=np.full(8, 10.0)), FRACTIONAL, n_starts=2)
+    problem = dma_problem(dataclasses.replace(both, modulus_magnitude_sd=np.full(8, 10.0)), FRACTIONAL, n_starts=2)
     assert any("magnitude's standard deviation is not used" in note for note in problem.notes)
     assert not problem.stated_deviations

@@ -27,7 +27,7 @@ def measured(folder, **hidden):
 @pytest.fixture(scope="module")
 def drifting(tmp_path_factory):
     data = measured(tmp_path_factory.mktemp("drift"), seed=311, name="sweep-drift", d_prime=12.0)
-    return dma_problem(data, FRACTIONAL)[0]
+    return dma_problem(data, FRACTIONAL)
 
 
 def white(problem):
@@ -84,7 +84,7 @@ def test_error_of_a_root_mean_square_is_that_of_its_scatter():
 def test_frequencies_are_left_out_where_temperatures_are_few(tmp_path):
     data = measured(tmp_path, seed=312, name="sweep-drift", d_prime=12.0)
     few = data.select(np.flatnonzero(data.temperature_c < 60.0))
-    problem = dma_problem(few, FRACTIONAL)[0]
+    problem = dma_problem(few, FRACTIONAL)
     folds, split = _folds(problem, 1)
     assert "left out of all sweeps" in split
     assert all(np.array_equal(fold.strength, fold.constants) for fold in folds)
@@ -102,7 +102,7 @@ def test_repeats_at_not_quite_the_same_frequency_are_no_frequencies_more(tmp_pat
     rows = np.tile(np.flatnonzero(np.isin(data.frequency_hz, chosen) & (data.temperature_c < 60.0)), 4)
     apart = np.random.default_rng(1).uniform(-2e-4, 2e-4, len(rows))
     data = data.select(rows)
-    problem = dma_problem(dataclasses.replace(data, frequency_hz=data.frequency_hz * (1.0 + apart)), FRACTIONAL)[0]
+    problem = dma_problem(dataclasses.replace(data, frequency_hz=data.frequency_hz * (1.0 + apart)), FRACTIONAL)
     sweep, omega = np.asarray(problem.conditions.sweep), np.asarray(problem.conditions.angular_frequency)
     folds = _folds(problem, 1)[0]
     assert len(folds) == 4

@@ -16,6 +16,7 @@ class Boiling(HmiCause):
     unit = "1"
     sign = 1
     plausible = 0.5
+    largest = 0.95
     sentence = "At the boiling point vapour reflects the sound: hardly any push arrives at the focus behind it."
     helps = "Sonications that end below 95 degC, or a passive detector."
     source = (

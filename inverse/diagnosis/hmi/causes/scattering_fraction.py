@@ -15,6 +15,7 @@ class ScatteringFraction(HmiCause):
     unit = "1"
     sign = 1
     plausible = 0.3
+    largest = 0.95
     sentence = "A part of attenuation scatters: it takes sound away without pushing or heating as absorption does."
     helps = "Absorption from the first second of heating: a factor of every sonication is free here."
     source = "Suomi et al. (2016), Parker (1983): attenuation is mainly absorption; scale assumed, a large one"

@@ -12,6 +12,7 @@ class ThermalDecorrelation(HmiCause):
     unit = "1"
     sign = 1
     plausible = 0.2
+    largest = 0.95
     sentence = (
         "Heating changes the echoes from one frame to the next, the faster the temperature rises: the correlation "
         "falls, and motion is underestimated."

@@ -18,6 +18,7 @@ class ThermalLens(HmiCause):
     unit = "1"
     sign = 1
     plausible = 0.1
+    largest = 0.95
     sentence = (
         "Heated tissue refracts: the focus moves towards the transducer and widens, so that the push at the old "
         "focus falls with the square of the sound speed's change."

@@ -15,6 +15,7 @@ from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.hmi.diagnosis import diagnose_curves
 from inverse.diagnosis.hmi.prepare import hmi_problem_of
 from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, curves
+from tests.inverse.diagnosis_keys import require_design_keys
 
 LAG, JITTER, DRIFT = "thermocouple-lag", "tracking-jitter", "output-drift"
 
@@ -94,6 +95,7 @@ def test_more_data_never_separate_worse_and_another_thermometer_tells_its_faults
     assert rated["mr-thermometry"].d_prime[lag] > rated["again"].d_prime[lag]
     assert len(told.rated) + len(told.notes) == 12
     content = as_json(told)
+    require_design_keys(content)
     written = report(told, "drifting.csv")
     assert content["proposals"][0]["words"] in written and "`push_ms = " in written
     json.dumps(content, allow_nan=False)
