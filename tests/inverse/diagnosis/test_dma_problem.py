@@ -9,11 +9,13 @@ import pytest
 from inverse.datasets.dma import dma_data, read_dma
 from inverse.diagnosis import DMA_CAUSES, dma_examination, extended_fit
 from inverse.diagnosis.cause import Extension, every_shape
+from inverse.diagnosis.dma_account import DmaAccount
 from inverse.diagnosis.dma_diagnosis import repeats_of
 from inverse.diagnosis.dma_problem import dma_problem
 from inverse.diagnosis.extended_fit import fit_extended
 from inverse.diagnosis.gain import held_out_gain
 from inverse.diagnosis.noise import noise_family
+from inverse.diagnosis.where import Absorbed
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
 from tests.blind import dma_generator as blind
 
@@ -184,3 +186,42 @@ def test_a_deviation_that_is_not_used_is_named():
     problem = dma_problem(dataclasses.replace(both, modulus_magnitude_sd=np.full(8, 10.0)), FRACTIONAL, n_starts=2)
     assert any("magnitude's standard deviation is not used" in note for note in problem.notes)
     assert not problem.stated_deviations
+
+
+def test_so_cold_that_nothing_dries_drying_does_nothing():
+    """The formula for vapour has a pole at -243 degC."""
+    temperature = np.repeat([-250.0, -240.0, 20.0], 6)
+    problem = problem_of(temperature, np.tile(FREQUENCY, 3), np.arange(18.0))
+    cold = np.asarray(problem.conditions.temperature) < 0.0
+    exposure = np.asarray(problem.conditions.exposure)
+    assert np.all(exposure[cold] < 1e-5) and exposure.max() == 1.0
+
+
+@pytest.mark.parametrize(
+    ("coordinate", "size", "sweeps", "words"),
+    [
+        (
+            0,
+            0.03,
+            (1, 2),
+            "the measured magnitude is 3 % above the model at most, at 100 Hz (60.0 degC), from 40 degC on",
+        ),
+        (
+            1,
+            -0.02,
+            (1, 2),
+            "the measured phase is 20 mrad below the model at most, at 100 Hz (60.0 degC), from 40 degC on",
+        ),
+        # Neither from some temperature on where it is there from the first, nor where it is at one alone.
+        (0, -0.03, (0, 1, 2), "the measured magnitude is 3 % below the model at most, at 100 Hz (60.0 degC)"),
+        (0, 0.03, (1,), "the measured magnitude is 2.4 % above the model at most, at 100 Hz (40.0 degC)"),
+    ],
+)
+def test_a_correction_is_told_by_its_place_sign_size_and_onset(coordinate, size, sweeps, words):
+    problem = problem_of(np.repeat([20.0, 40.0, 60.0], 6), np.tile(FREQUENCY, 3), np.arange(18.0))
+    correction = np.zeros(problem.weights.shape)
+    for sweep in sweeps:
+        rows = np.asarray(problem.conditions.sweep) == sweep
+        correction[rows, coordinate] = size * np.linspace(0.1, 1.0, 6) * (sweep + 3.0) / 5.0
+    place = Absorbed("somewhere", 0.5, 0.01, (problem.weights * correction).ravel())
+    assert DmaAccount(problem).describe(place) == f"somewhere: {words}"

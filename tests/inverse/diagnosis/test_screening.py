@@ -2,6 +2,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from inverse.diagnosis.causes import DMA_CAUSES
+from inverse.diagnosis.examination import DETECTABLE, visible_alternatives
 from inverse.diagnosis.noise import LOG_PRIOR_OF_STEP, noise_family, series
 from inverse.diagnosis.screening import SIGNALS, Alternative, Screen, independent, visibility, visible_columns
 from inverse.diagnosis.where import absorbed
@@ -227,3 +229,21 @@ def test_visibility():
 def test_what_the_fit_imitates_is_left_out():
     screen = Screen(FITTED, [Alternative("imitated", FITTED[:, :2]), Alternative("one", CAUSE)], WHITE)
     assert [a.name for a in screen.alternatives] == ["one"]
+
+
+@pytest.mark.parametrize(
+    ("name", "farthest", "words"),
+    [
+        # Plausible is 0.3, and all that is there to slip is gone at 1.
+        ("slip", 0.95, "0.96 to be seen, where there is none above 0.95"),
+        ("drying", 3.0, "3 to be seen, where 0.3 is plausible"),
+    ],
+)
+def test_a_cause_that_shows_only_where_it_cannot_be_is_not_testable(name, farthest, words):
+    cause = next(one for one in DMA_CAUSES if one.name == name)
+    direction = CAUSE - independent(FITTED) @ (independent(FITTED).T @ CAUSE)
+    for factor, hidden in ((0.99, False), (1.01, True)):
+        size = factor * farthest * float(np.linalg.norm(direction)) / DETECTABLE
+        seen, not_testable = visible_alternatives([Alternative(name, direction, 1)], FITTED, size, [cause])
+        assert (len(seen), len(not_testable)) == ((0, 1) if hidden else (1, 0))
+    assert f"it would have to be {words}" in not_testable[0].why

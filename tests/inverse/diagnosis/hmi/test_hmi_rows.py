@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from arfjax import InputError, discretise
+from inverse.datasets.hmi import read_hmi
+from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.courses import hmi_rows, plan_courses, require_during
 from inverse.diagnosis.hmi.free_forms import _shared, _taken_at
 from inverse.diagnosis.hmi.prepare import _notes
-from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, curves
+from inverse.diagnosis.hmi.refit import fit_hmi
+from inverse.diagnosis.where import Absorbed
+from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, curves, white
 
 
 def test_reading_that_a_curve_was_divided_by_is_one_of_its_rows():
@@ -87,3 +91,47 @@ def test_readings_at_one_temperature_have_a_correction_however_dense_they_are():
     assert np.all(np.sum(inside, axis=0) <= 1) and np.mean(np.any(inside, axis=0)) > 0.9
     usual = np.tile(37.0 + 2.0 * np.arange(14), 3)
     assert _shared(usual, np.repeat([0, 1, 2], 14)) == sorted(set(usual))
+
+
+def test_micrometres_and_their_deviations_are_read_from_a_file(tmp_path):
+    """Nothing was divided by a reading then, and every reading has its own relative error."""
+    file = tmp_path / "hmi.csv"
+    file.write_text(
+        "sonication,temperature_c,displacement_um,displacement_um_sd\na,37,8,0.4\na,50,7.5,0.3\nb,37,9,0.9\nb,60,8,0.2\n"
+    )
+    rows = hmi_rows(read_hmi(file), 37.0)
+    assert len(rows) == 4 and not np.any(rows.is_reference) and rows.labels == ("a", "b")
+    np.testing.assert_allclose(rows.deviation, [0.05, 0.04, 0.1, 0.025])
+    np.testing.assert_allclose(np.diff(rows.log_displacement)[[0, 2]], np.log([7.5 / 8.0, 8.0 / 9.0]))
+
+
+@pytest.mark.parametrize("in_percent", [True, False])
+def test_of_times_alone_it_is_said_where_temperatures_are_from_and_what_cannot_be_known(in_percent):
+    data = dataclasses.replace(
+        curves(np.full(len(TEMPERATURES), 97.0), np.tile(np.arange(13.0), 2)), temperature=None, in_percent=in_percent
+    )
+    rows = hmi_rows(data, 37.0)
+    assert len(rows) == len(TEMPERATURES) and not np.any(rows.is_reference)
+    notes = " ".join(_notes(data, rows, 37.0))
+    assert "up to the last of `protocol.temperatures_c`" in notes
+    assert ("`normalisation-temperature` has nothing to act on" in notes) == in_percent
+
+
+@pytest.mark.parametrize(
+    ("size", "lowest", "words"),
+    [
+        (
+            0.03,
+            60.0,
+            "the measured displacement is 3 % above the model at most, at 80 degC in sonication 2, from 62 degC on",
+        ),
+        (-0.03, 0.0, "the measured displacement is 3 % below the model at most, at 80 degC in sonication 2"),
+    ],
+)
+def test_a_correction_is_told_by_its_place_sign_size_and_onset(problem, size, lowest, words):
+    null = fit_hmi(problem, (), white(problem), size=0.01)
+    temperature = problem.rows.temperature
+    correction = np.where(temperature >= lowest, size * (0.8 + 0.2 * temperature / 80.0), 0.0)
+    beliefs = np.zeros(len(null.residuals) - len(problem.rows))
+    place = Absorbed("somewhere", 0.5, 0.01, np.append(problem.weights * correction, beliefs))
+    assert HmiAccount(problem, null).describe(place) == f"somewhere: {words}"
