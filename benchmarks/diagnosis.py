@@ -104,7 +104,7 @@ def measured(seed: int, model: str = "fractional", **hidden) -> tuple[DmaProblem
     with tempfile.TemporaryDirectory() as folder:
         data, key = Path(folder) / "data.csv", Path(folder) / "key.json"
         blind.write(data, key, seed=seed, conventional=not MODELS[model].fractional, **hidden)
-        return dma_problem(read_dma(data), MODELS[model])[0], json.loads(key.read_text())
+        return dma_problem(read_dma(data), MODELS[model]), json.loads(key.read_text())
 
 
 def one_set(condition: Condition, seed: int) -> dict:

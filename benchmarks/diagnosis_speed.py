@@ -70,6 +70,14 @@ def whole(**given) -> dict:
     return {"verdict": found.verdict, "seconds": round(time.perf_counter() - start, 2), "steps": steps}
 
 
+def whole_of_curves(name: str, d_prime: float, seed: int) -> dict:
+    """The same of three simulated sonications of 57 readings, with all nine constants free."""
+    bench = prepared_bench()
+    data = measured(bench, Condition("known", name, d_prime), seed)[0]
+    jax.clear_caches()  # of what made the data
+    return whole(hmi=data, experiment=bench.described)
+
+
 def tested(diagnose: Callable[[int, Callable[[str], None]], str], seeds: tuple[int, ...]) -> dict:
     """Testing all causes of several data sets after one that compiles: median and all."""
     runs, verdicts = [], []
@@ -111,6 +119,7 @@ PARTS: dict[str, dict[str, Callable[[], dict]]] = {
     WHOLE: {
         "pyvisco_polymer, conventional": lambda: whole(dma=shipped("pyvisco_polymer"), model="zener"),
         "suomi2016_hmi": lambda: whole(hmi=shipped("suomi2016_hmi"), experiment=EXAMPLES / "suomi2016_published.toml"),
+        "three sonications": lambda: whole_of_curves("output-drift", 9.0, 4501),
     },
     TESTING_DMA: {NOTHING: of_dma, FOUND: lambda: of_dma(name="sweep-drift", d_prime=9.0)},
     TESTING_CURVES: {

@@ -10,6 +10,7 @@ from scipy import stats
 from benchmarks import (
     acoustics,
     diagnosis,
+    diagnosis_again,
     diagnosis_hmi,
     diagnosis_hmi_fast,
     inference,
@@ -504,3 +505,27 @@ def test_page_of_real_measurements_says_what_was_found():
     assert "96 at 84 degC measured" in said
     assert "| simulated here | 97 at 44 degC | 112 at 58 degC | 54 at 84 degC |" in said
     assert "the peak, 3 K later here than in the paper" in said
+
+
+def test_answers_of_a_record_are_compared_with_those_of_the_code_here(tmp_path, monkeypatch, capsys):
+    lines = [
+        {"part": "known", "name": "slip", "d_prime": 4.5, "noise": "white", "share": 1, "model": "zener", "seed": seed}
+        | {"verdict": "named", "p": 0.01, "first": "slip", "named": ["slip"], "stamp": "old"}
+        for seed in range(10)
+    ]
+    asked = []
+
+    def one_set(condition, seed):
+        asked.append((condition, seed))
+        answer = lines[seed] | {"stamp": "new", "seconds": 1.0}
+        return answer | ({"verdict": "unexplained", "p": 0.02, "named": []} if seed == 4 else {})
+
+    monkeypatch.setattr(diagnosis_again.diagnosis, "one_set", one_set)
+    record = tmp_path / "record.jsonl"
+    record.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    monkeypatch.setattr("sys.argv", ["diagnosis_again", str(record), "--sets", "5"])
+    diagnosis_again.main()
+    said = json.loads(capsys.readouterr().out)
+    assert [seed for _, seed in asked] == [0, 2, 4, 6, 8] and asked[0][0].model == "zener"
+    assert said["data sets"] == 5 and said["largest change of p"] == pytest.approx(1.0)
+    assert said["differing"] == [{"seed": 4, "verdict": ["named", "unexplained"], "named": [["slip"], []]}]
