@@ -24,6 +24,9 @@ LEAST_FOLDS = 2
 LEAST_GROUPS = 4
 """Samples, or temperatures, from which on these are left out."""
 
+Scored = tuple[Float[np.ndarray, " _"], float]
+"""Relative residuals of what a fold leaves out, and their summed log density."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Gain:
@@ -89,11 +92,26 @@ def held_out_gain(
         return None
     scored = _scored(null, extended, noise, start, folds)
     before, after = [one[0] for one in scored], [one[1] for one in scored]
+    unfinished = sum(one[2] for one in scored)
+    return summed_up(split, before, after, [fold.group for fold in folds], unfinished)
+
+
+def summed_up(
+    split: str, before: list[Scored], after: list[Scored], member: Sequence[float | int], unfinished: int
+) -> Gain:
+    """The gain from the scores of all folds.
+
+    Args:
+        split: What was left out.
+        before: Of every fold without the extension.
+        after: With it.
+        member: Group of every fold; groups are taken for independent, in errors.
+        unfinished: Refits that did not converge.
+    """
     gains = np.array([a[1] - b[1] for a, b in zip(after, before, strict=True)])
     counts = np.array([len(a[0]) for a in after])
-    member = np.array([fold.group for fold in folds])
-    per_group = np.array([np.sum(gains[member == one]) / np.sum(counts[member == one]) for one in groups])
-    together = [np.flatnonzero(member == one) for one in groups]
+    together = [np.flatnonzero(np.asarray(member) == one) for one in np.unique(member)]
+    per_group = np.array([np.sum(gains[own]) / np.sum(counts[own]) for own in together])
     rmse_before, rmse_before_error = root_mean_square([np.concatenate([before[i][0] for i in own]) for own in together])
     rmse_after, rmse_after_error = root_mean_square([np.concatenate([after[i][0] for i in own]) for own in together])
     return Gain(
@@ -103,8 +121,8 @@ def held_out_gain(
         rmse_after=rmse_after,
         rmse_after_error=rmse_after_error,
         log_score_gain=float(np.sum(gains) / np.sum(counts)),
-        standard_error=float(np.std(per_group, ddof=1) / np.sqrt(len(groups))),
-        unfinished=sum(one[2] for one in scored),
+        standard_error=float(np.std(per_group, ddof=1) / np.sqrt(len(together))),
+        unfinished=unfinished,
     )
 
 
@@ -169,10 +187,6 @@ def frequency_blocks(angular_frequency: Float[np.ndarray, " row"]) -> Int[np.nda
 def _blocks(rank: Int[np.ndarray, " row"], count: int) -> Int[np.ndarray, " row"]:
     """Neighbours together, about equally many of `count` in each."""
     return rank * min(BLOCKS, count) // count
-
-
-Scored = tuple[Float[np.ndarray, " _"], float]
-"""Relative residuals of a block, and its summed log density."""
 
 
 def _scored(

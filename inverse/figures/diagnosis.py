@@ -47,13 +47,16 @@ def diagnosis_figure(found: Diagnosis) -> Figure:
     bar = figure.colorbar(ScalarMappable(scale, "viridis"), ax=axes[:, : len(stages)], pad=0.01, aspect=35)
     bar.set_label("temperature of the sweep [degC]", fontsize=8)
     if found.causes:
-        for coordinate in range(1, coordinates):
-            axes[coordinate, -1].remove()
-        spec = axes[0, -1].get_subplotspec()
-        axes[0, -1].remove()
-        whole = figure.add_subplot(spec.get_gridspec()[:, -1]) if spec is not None else figure.add_subplot()
-        draw_causes(whole, found)
+        draw_causes(whole_column(figure, axes[:, -1]), found)
     return figure
+
+
+def whole_column(figure: Figure, column: np.ndarray) -> Axes:
+    """One panel in place of all panels of a column."""
+    spec = column[0].get_subplotspec()
+    for axis in column:
+        axis.remove()
+    return figure.add_subplot(spec.get_gridspec()[:, spec.colspan.start])
 
 
 def _limits(problem, residuals) -> list[float]:

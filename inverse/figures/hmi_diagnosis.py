@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from inverse.diagnosis import Diagnosis
 from inverse.diagnosis.hmi.courses import HmiRows
-from inverse.figures.diagnosis import draw_causes
+from inverse.figures.diagnosis import draw_causes, whole_column
 
 _MARKERS = "os^Dv<>P"
 
@@ -41,11 +41,7 @@ def hmi_diagnosis_figure(found: Diagnosis) -> Figure:
     axes[1, 0].set_ylabel("measured over\nsimulated [%]", fontsize=8)
     axes[0, 0].legend(fontsize=7, frameon=False, title="sonication", title_fontsize=7)
     if found.causes:
-        axes[1, -1].remove()
-        spec = axes[0, -1].get_subplotspec()
-        axes[0, -1].remove()
-        whole = figure.add_subplot(spec.get_gridspec()[:, -1]) if spec is not None else figure.add_subplot()
-        draw_causes(whole, found)
+        draw_causes(whole_column(figure, axes[:, -1]), found)
     return figure
 
 

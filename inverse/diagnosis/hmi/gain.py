@@ -5,9 +5,9 @@ With one sonication, blocks of neighbouring temperatures are left out instead. A
 """
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
-from inverse.diagnosis.gain import LEAST_FOLDS, Gain, root_mean_square
+from inverse.diagnosis.gain import LEAST_FOLDS, Gain, Scored, summed_up
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import fit_hmi
@@ -42,20 +42,7 @@ def held_out_gain_hmi(noise: Noise, *, size: float, null: HmiFit, extended: HmiF
             )  # fmt: skip
             lost += not fit.converged
             found.append(_score(fit, noise, left_out))
-    gains = np.array([a[1] - b[1] for a, b in zip(after, before, strict=True)])
-    counts = np.array([len(a[0]) for a in after])
-    rmse_before, rmse_before_error = root_mean_square([b[0] for b in before])
-    rmse_after, rmse_after_error = root_mean_square([a[0] for a in after])
-    return Gain(
-        split=split,
-        rmse_before=rmse_before,
-        rmse_before_error=rmse_before_error,
-        rmse_after=rmse_after,
-        rmse_after_error=rmse_after_error,
-        log_score_gain=float(np.sum(gains) / np.sum(counts)),
-        standard_error=float(np.std(gains / counts, ddof=1) / np.sqrt(len(folds))),
-        unfinished=int(lost),
-    )
+    return summed_up(split, before, after, range(len(folds)), int(lost))
 
 
 def _folds(problem: HmiDiagnosisProblem) -> tuple[list[Bool[np.ndarray, " row"]], str]:
@@ -72,7 +59,7 @@ def _folds(problem: HmiDiagnosisProblem) -> tuple[list[Bool[np.ndarray, " row"]]
     return parts, f"{len(parts)} blocks of neighbouring temperatures, each left out in turn, the factor from the others"
 
 
-def _score(fit: HmiFit, noise: Noise, left_out: Bool[np.ndarray, " row"]) -> tuple[Float[np.ndarray, " _"], float]:
+def _score(fit: HmiFit, noise: Noise, left_out: Bool[np.ndarray, " row"]) -> Scored:
     """Relative residuals of what was left out, and the log density of their scatter.
 
     A sonication that was left out as a whole has a factor of its own, which its readings have to tell; a part of one
