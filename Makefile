@@ -26,6 +26,10 @@ demo: $(VENV)/.run  ## the main job, on the paper's own case and on real measure
 	@echo "Reports and figures:"
 	@ls -d results/demo/*/report.md results/demo/*/*.png
 
+# Most of the time of fast tests is that of compiling: here programs are compiled in haste, and run slower. All tests
+# (`make test-all`), the demo and benchmarks have them compiled as users do.
+test: export JAX_DISABLE_MOST_OPTIMIZATIONS := 1
+test: export XLA_FLAGS := --xla_cpu_use_fusion_emitters=false
 test: lint types  ## what must be true before a change lands
 	$(BIN)/python -m pytest -n 2 --dist loadscope -m "not slow"
 

@@ -1,6 +1,7 @@
 """A diagnosis asked for in one call: the same as the command, in Python."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -29,7 +30,7 @@ from inverse.figures.hmi_diagnosis import hmi_diagnosis_figure
 from inverse.figures.residuals import residuals_figure
 from inverse.output import output_directory, write_figures, write_json
 from inverse.precision import require_double_precision
-from inverse.resolution import as_measured, is_finer_than_measured, remark_on
+from inverse.resolution import diagnosed_as_measured
 
 MODELS = {"fractional": FRACTIONAL, "zener": CONVENTIONAL}
 """Null models by the names that users write."""
@@ -177,25 +178,20 @@ class _Asked:
 
 
 def _of_dma(data: DmaData, name: str, model: ZenerModel, asked: _Asked) -> Diagnosed:
-    causes, remarks = find_causes(asked.causes or DMA_CAUSES, DMA_CAUSES), unused(data.ignored_columns)
-
-    def diagnosis(of: DmaData) -> Diagnosis:
-        return diagnose_dma(
-            of, model=model, causes=causes, level=asked.level, seed=asked.seed, gain=asked.gain, on_step=asked.on_step
-        )
-
-    found = diagnosis(data)
-    if is_finer_than_measured(found):
-        data = as_measured(data, asked.seed)
-        found, remarks = diagnosis(data), (*remarks, remark_on())
+    causes = find_causes(asked.causes or DMA_CAUSES, DMA_CAUSES)
+    diagnosis = functools.partial(
+        diagnose_dma, model=model, causes=causes, level=asked.level, seed=asked.seed, gain=asked.gain,
+        on_step=asked.on_step,
+    )  # fmt: skip
+    examined, found, further = diagnosed_as_measured(data, diagnosis, asked.seed)
 
     def design(names: Sequence[str]) -> Design:
         return design_dma(
-            data, found=found, causes=names, model=model, library=causes, check=False, locate=False, seed=asked.seed,
-            on_step=asked.on_step,
+            examined, found=found, causes=names, model=model, library=causes, check=False, locate=False,
+            seed=asked.seed, on_step=asked.on_step,
         )  # fmt: skip
 
-    return asked.answered(found, name, remarks, design)
+    return asked.answered(found, name, (*unused(data.ignored_columns), *further), design)
 
 
 def _of_hmi(hmi: Path | str | HmiData, experiment: Path | str | Experiment | None, asked: _Asked) -> Diagnosed:

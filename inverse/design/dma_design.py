@@ -1,5 +1,6 @@
 """The next dynamic mechanical analysis: which would tell the causes apart that are still alive."""
 
+import functools
 from collections.abc import Callable, Sequence
 
 import jax.numpy as jnp
@@ -19,6 +20,7 @@ from inverse.diagnosis.diagnosis import Diagnosis
 from inverse.diagnosis.dma_diagnosis import diagnose_dma
 from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
 from inverse.dma_fit import FRACTIONAL, ZenerModel
+from inverse.resolution import diagnosed_as_measured
 
 
 def design_dma(
@@ -50,9 +52,11 @@ def design_dma(
         InputError: if there are no two causes to tell apart, or the fit itself failed.
     """
     find_causes(causes, library)
+    remarks: tuple[str, ...] = ()
     if found is None:
         on_step("diagnosing")
-        found = diagnose_dma(data, model=model, causes=library, seed=seed, gain=False, on_step=on_step)
+        diagnosis = functools.partial(diagnose_dma, model=model, causes=library, seed=seed, gain=False, on_step=on_step)
+        data, found, remarks = diagnosed_as_measured(data, diagnosis, seed)
     extensions, strengths = alive(found, causes, library)
     assert found.noise is not None
     # Relative, as deviations that a file states say nothing of readings that are still to come.
@@ -82,7 +86,7 @@ def design_dma(
         information = dma_information(found.problem, [extensions[i] for i in pair], strengths[pair], size)
     return Design(
         found.verdict, names, now, tuple(Rated(*one) for one in rated), tuple(checks), size, seed,
-        reasons(found, causes, tuple(names)), information,
+        (*remarks, *reasons(found, causes, tuple(names))), information,
     )  # fmt: skip
 
 

@@ -174,8 +174,9 @@ TEMPERATURES = np.asarray([35.0, 40.0, 45.0, 50.0, 55.0, 60.0, 65.0, 70.0])
 
 @pytest.fixture(scope="module")
 def run(protocol, coarse):
-    """The protocol as a function of the model, compiled once for each kind of lesion size."""
-    return eqx.filter_jit(lambda model: run_stepwise(model, jnp.asarray(TEMPERATURES), protocol, coarse))
+    """The protocol as a function of the model, compiled once for each kind of lesion size, whatever its numbers."""
+    compiled = eqx.filter_jit(lambda model: run_stepwise(model, jnp.asarray(TEMPERATURES), protocol, coarse))
+    return lambda model: compiled(jax.tree.map(jnp.asarray, model))
 
 
 def percent(result, *temperatures):

@@ -139,6 +139,21 @@ def test_what_nothing_can_be_designed_by_is_refused(file, found):
         design_dma(data, found=failed)
 
 
+def test_simulated_data_without_noise_are_designed_by_as_if_they_were_measured(file, monkeypatch):
+    """With the noise of their rounding any measurement would tell any two causes apart."""
+    asked = []
+
+    def coarse(data, diagnose, seed):
+        asked.append((len(data), seed))
+        assert diagnose.keywords["seed"] == seed and not diagnose.keywords["gain"]
+        raise InputError("stop here")
+
+    monkeypatch.setattr("inverse.design.dma_design.diagnosed_as_measured", coarse)
+    with pytest.raises(InputError, match="stop here"):
+        design_dma(read_dma(file), seed=3)
+    assert asked == [(len(read_dma(file)), 3)]
+
+
 def test_why_these_causes_is_said_where_the_diagnosis_does_not_ask_for_them(found):
     def at_rest(kept):
         causes = tuple(

@@ -73,7 +73,14 @@ def test_of_a_conventional_solid_nothing_is_found_by_the_conventional_model(tmp_
 
 
 @pytest.mark.parametrize(
-    "noise", ["white", "tails", "correlated-0.3", "correlated-0.6", "loud", f"{blind.IN_TIME}-0.6"]
+    "noise",
+    [
+        "white",
+        *(
+            pytest.param(kind, marks=pytest.mark.slow)
+            for kind in ("tails", "correlated-0.3", "correlated-0.6", "loud", f"{blind.IN_TIME}-0.6")
+        ),
+    ],
 )
 def test_noise_of_no_kind_is_taken_for_an_effect(tmp_path, noise):
     """Six data sets at level 5 %: three or more false alarms have a probability of 2e-3, and of a half where the noise
