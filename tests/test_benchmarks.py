@@ -13,6 +13,7 @@ from benchmarks import (
     diagnosis_again,
     diagnosis_hmi,
     diagnosis_hmi_fast,
+    diagnosis_pages,
     inference,
     mechanics,
     protocols,
@@ -202,6 +203,13 @@ def test_every_page_of_rates_says_which_code_it_is_of():
     found = compared()
     assert found.keys() == pages
     assert all(len(made_by) == len(here) == 12 for made_by, here in found.values())
+    assert (
+        diagnosis_pages.said("a", "a") == "as the code here" and diagnosis_pages.said("a", "b") == "changed since, to b"
+    )
+    ((old, newer),) = diagnosis_pages.ALIKE.items()
+    assert [diagnosis_pages.said(old, new).split(", ")[1:] for new in newer] == [
+        [f"to {new}", f"which answered {count} of its data sets alike"] for new, count in newer.items()
+    ]
 
 
 def test_seeds_of_a_condition_do_not_run_into_those_of_the_next():
