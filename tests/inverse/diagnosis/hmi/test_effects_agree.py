@@ -39,6 +39,13 @@ STRENGTHS = {
     "near-boundary": 0.03,
     "tracking-compression": 0.3,
     "tracking-jitter": 0.3,
+    "echo-strain": 0.075,
+    "cavitation": 0.12,
+    "lesion-stiffness-law": 0.6,
+    "pre-ablation-softening": 0.3,
+    "exponent-change": 0.15,
+    "sound-speed-change": 15.0,
+    "fractional-tissue": 0.3,
 }
 """Of d' 1 to 5."""
 CONSTANTS = np.array([0.5, -0.3, 0.2, 0.4, -0.5, 0.3, -0.4, 0.2, 0.5])
