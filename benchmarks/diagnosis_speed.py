@@ -143,7 +143,7 @@ def in_words(name: str, part: str, took: dict) -> str:
 
 
 def main() -> None:
-    """Measure, writing each part as it comes: all of them take half an hour."""
+    """Measure, writing each part as it comes: all of them take an hour."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results/benchmarks/diagnosis_speed.json"))
     given = parser.parse_args()
