@@ -12,8 +12,9 @@ RESOLUTION = 1e-4
 """Relative scatter of a modulus [1], and of its phase [rad], below which nothing was measured: the finest instruments
 state a hundredth of a percent."""
 _REMARK = (
-    f"The model meets the data to less than {100.0 * RESOLUTION:g} %, which no instrument resolves: they look "
-    "simulated. Noise of that size, drawn by the seed, was added to them, so that their rounding is not examined."
+    f"The model, or the model with a cause in it, meets the data to less than {100.0 * RESOLUTION:g} %, which no "
+    "instrument resolves: they look simulated. Noise of that size, drawn by the seed, was added to them, so that their "
+    "rounding is not examined."
 )
 
 
