@@ -31,6 +31,7 @@ from inverse.datasets.dma import Sweep, group_sweeps, read_dma
 from inverse.datasets.shipped import shipped
 from inverse.diagnosed import Diagnosed
 from inverse.diagnosis.diagnosis import Diagnosis
+from inverse.diagnosis.hmi.features import Curve
 
 PUBLISHED = Path(__file__).parents[1] / "examples" / "suomi2016_published.toml"
 SEEDS = 5
@@ -64,8 +65,8 @@ def _said(found: Diagnosed, which: str) -> dict[str, Any]:
     }
 
 
-def simulated_between(found: Diagnosis) -> dict[str, list[float]]:
-    """Dip, peak and end of the curve that the fitted simulation draws between the readings: degC, percent.
+def simulated_between(found: Diagnosis) -> str:
+    """Dip, peak and end of the curve that the fitted simulation draws between the readings, as cells of a table.
 
     Of a sonication that heats the focus to the hottest reading, in percent of the displacement at 37 degC.
     """
@@ -75,17 +76,7 @@ def simulated_between(found: Diagnosis) -> dict[str, list[float]]:
     settings, temperature = ax.discretise(model), np.arange(37.0, hottest + 0.5)
     heating = ax.simulate_heating(model, protocol, settings)
     moved = np.asarray(ax.stepwise_displacement(model, jnp.asarray(temperature), protocol, settings, heating=heating))
-    return features_of(temperature, 100.0 * moved / moved[0])
-
-
-def features_of(
-    temperature: Float[np.ndarray, " state"], percent: Float[np.ndarray, " state"]
-) -> dict[str, list[float]]:
-    """The lowest state before the highest, the highest, and the last: temperature and percent of each."""
-    peak = int(np.argmax(percent))
-    dip = int(np.argmin(percent[: peak + 1]))
-    rows = {"dip": dip, "peak": peak, "end": len(percent) - 1}
-    return {name: [float(temperature[row]), float(percent[row])] for name, row in rows.items()}
+    return Curve("simulated", temperature, 100.0 * moved / moved[0]).cells()
 
 
 def modulus_of(sweep: Sweep) -> Complex[np.ndarray, " row"]:
@@ -207,9 +198,8 @@ def _of_curves(found: Sequence[dict[str, Any]]) -> list[str]:
     ]
 
 
-def _between(found: dict[str, Sequence[float]]) -> list[str]:
+def _between(here: str) -> list[str]:
     """What readings at a few temperatures do not show."""
-    here = " | ".join(f"{percent:.0f} at {temperature:.0f} degC" for temperature, percent in found.values())
     return [
         "Between the readings, in percent of the displacement at 37 degC (the paper's simulation: at 35):",
         "",
@@ -219,9 +209,9 @@ def _between(found: dict[str, Sequence[float]]) -> list[str]:
         "| simulated in the paper | 95 at 40 to 45 degC | 105 at 55 degC | 49 at 70 degC |",
         f"| simulated here | {here} |",
         "",
-        f"The dip is that of the liver's attenuation; the peak, {found['peak'][0] - 55.0:.0f} K later here than in the "
-        "paper, is where a lesion begins to stiffen the focus. Whether either is wrong cannot be told from values that "
-        "scatter so: only that the displacement falls too far is found, with the causes above.",
+        "The dip is that of the liver's attenuation, the peak is where a lesion begins to stiffen the focus. Whether "
+        "either is wrong cannot be told from values that scatter so: only that the displacement falls too far is "
+        "found, with the causes above.",
         "",
     ]
 

@@ -158,8 +158,8 @@ def test_an_effect_of_no_name_stays_without(tmp_path, name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["frame-resonance", "instrument-inertia", "slip"])
 def test_a_cause_that_is_taken_out_of_the_library_is_given_no_other_s_name(tmp_path, name):
-    """Of these, which no other cause imitates, more than 84 of 100 are `unexplained` then: in fewer than two of four in
-    fewer than two of 100 (docs/operating_characteristic.md has the others).
+    """Of these, which no other cause imitates, 84 to 96 of 100 are `unexplained` then: fewer than two of four have a
+    probability of 1.4 % at most (docs/operating_characteristic.md has the others).
     """
     library = [cause for cause in DMA_CAUSES if cause.name != name]
     first = 8000 + 10 * TESTABLE.index(name)

@@ -153,8 +153,8 @@ def test_of_data_that_are_simulated_without_noise_the_rounding_is_not_examined(i
     found = inverse.diagnose(simulated(inertia), causes=["instrument-inertia", "slip"], gain=False)
     assert (found.verdict, found.named) == ("named" if named else "adequate", named)
     assert "they look simulated" in found.remarks[-1] and found.remarks[-1] in found.content["notes"]
-    # 36 or more degrees of freedom: four standard errors.
-    assert found.content["noise"]["size"] == pytest.approx(RESOLUTION, rel=0.5)
+    # 72 numbers, 12 constants and a strength at most: four standard errors of a standard deviation.
+    assert found.content["noise"]["size"] == pytest.approx(RESOLUTION, rel=4.0 / np.sqrt(2.0 * 59.0))
 
 
 def test_noise_of_the_resolution_is_in_magnitude_and_phase_alike():
