@@ -31,6 +31,7 @@ from inverse.datasets.dma import Sweep, group_sweeps, read_dma
 from inverse.datasets.shipped import shipped
 from inverse.diagnosed import Diagnosed
 from inverse.diagnosis.diagnosis import Diagnosis
+from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.features import Curve
 
 PUBLISHED = Path(__file__).parents[1] / "examples" / "suomi2016_published.toml"
@@ -70,7 +71,9 @@ def simulated_between(found: Diagnosis) -> str:
 
     Of a sonication that heats the focus to the hottest reading, in percent of the displacement at 37 degC.
     """
-    problem, null = found.problem, found.account.null
+    account = found.account
+    assert isinstance(account, HmiAccount)
+    problem, null = account.problem, account.null
     model, hottest = problem.program.model(null.unknowns), float(np.nanmax(problem.rows.temperature))
     protocol = dataclasses.replace(ax.read_experiment(PUBLISHED).stepwise(), final_temperature=hottest)
     settings, temperature = ax.discretise(model), np.arange(37.0, hottest + 0.5)
