@@ -10,6 +10,7 @@ temperatures from 37 to 78 degC).
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -65,6 +66,20 @@ class _Fitted:
             at[len(program.causes) + program.place(extension.cause.name)] = float(extension.shape)
         return at
 
+    @functools.cached_property
+    def lean(self) -> tuple[HmiProgram, Float[np.ndarray, " unknown"]]:
+        """The program with nothing but these causes, which compiles faster, and the same unknowns for it."""
+        program, count = self.problem.program, len(self.problem.program.causes)
+        causes = [extension.cause for extension in self.extensions]
+        places = np.array([program.place(cause.name) for cause in causes])
+        kept = np.concatenate([places, count + places, program.constants])
+        return program.with_causes(causes), self.shaped[kept]
+
+    @functools.cached_property
+    def effects(self) -> Float[np.ndarray, "row p"]:
+        """Of causes and constants on what was measured."""
+        return _effects(self, self.problem.program, self.shaped)
+
 
 def design_hmi(
     data: HmiData,
@@ -115,7 +130,8 @@ def design_hmi(
     for proposal in hmi_proposals(described.stepwise(), reference=fitted.reference, hottest=hottest, readings=readings):
         on_step(f"rating: {proposal.words}")
         courses, more = _planned(fitted, proposal)
-        if fitted.problem.program.on(courses).excess(fitted.unknowns) > _COVERED:
+        program, unknowns = fitted.lean
+        if program.on(courses).excess(unknowns) > _COVERED:
             notes.append(f"Not rated, because the fast simulation does not reach so far: {proposal.words}.")
             continue
         rated.append((proposal, _separation(fitted, courses, more)))
@@ -158,10 +174,11 @@ def _planned(fitted: _Fitted, proposal: HmiProposal) -> tuple[list[Course], HmiR
 def _separation(fitted: _Fitted, courses: Sequence[Course] | None, more: HmiRows | None) -> Separation:
     """Of the causes by what was measured, and by a proposal's courses beside it; noise of one relative size."""
     problem = fitted.problem
-    parts = [_effects(fitted, None)]
+    parts = [fitted.effects]
     factors = problem.factors
     if courses is not None and more is not None:
-        parts.append(_effects(fitted, courses))
+        program, unknowns = fitted.lean
+        parts.append(_effects(fitted, program.on(courses), unknowns))
         factors = np.block([
             [factors, np.zeros((len(factors), 1))],
             [np.zeros((len(more), factors.shape[1])), np.ones((len(more), 1))],
@@ -175,16 +192,14 @@ def _separation(fitted: _Fitted, courses: Sequence[Course] | None, more: HmiRows
     return separation(names, moved, fitted.strengths, known, fitted.size)
 
 
-def _effects(fitted: _Fitted, courses: Sequence[Course] | None) -> Float[np.ndarray, "row p"]:
+def _effects(fitted: _Fitted, here: HmiProgram, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "row p"]:
     """Effects of the causes over their strengths, in their units, then derivatives in the constants."""
-    program = fitted.problem.program
-    here = program if courses is None else program.on(courses)
-    plain, columns = here.predict(fitted.shaped), []
+    plain, columns = here.predict(unknowns), []
     for extension, strength in zip(fitted.extensions, fitted.strengths, strict=True):
         cause = extension.cause
-        effect = here.secant(fitted.shaped, program.place(cause.name), float(strength) / cause.plausible, plain)
+        effect = here.secant(unknowns, here.place(cause.name), float(strength) / cause.plausible, plain)
         columns.append(effect / cause.plausible)
-    return np.column_stack([*columns, *_slopes(here, fitted.shaped)])
+    return np.column_stack([*columns, *_slopes(here, unknowns)])
 
 
 def _slopes(program: HmiProgram, unknowns: Float[np.ndarray, " unknown"]) -> list[Float[np.ndarray, " row"]]:

@@ -9,6 +9,7 @@ from inverse.diagnosis.hmi.courses import HmiRows
 from inverse.figures.diagnosis import draw_causes, whole_column
 
 _MARKERS = "os^Dv<>P"
+_ONE_SIDED = "a sonication may lie on one side: its factor is\nthe likeliest in noise that its readings share"
 
 
 def hmi_diagnosis_figure(found: Diagnosis) -> Figure:
@@ -59,10 +60,14 @@ def _draw_curves(axis: Axes, rows: HmiRows, percent: np.ndarray) -> None:
 
 
 def _draw_left(axis: Axes, rows: HmiRows, percent: np.ndarray) -> None:
+    one_sided = False
     for number in range(len(rows.labels)):
         mine = np.flatnonzero(rows.sonication == number)
         mine = mine[np.argsort(rows.temperature[mine])]
         axis.plot(
             rows.temperature[mine], percent[mine], f"-{_MARKERS[number % 8]}", ms=2.5, lw=0.7, color=f"C{number % 10}"
         )
+        one_sided |= bool(np.all(percent[mine] > 0.0) or np.all(percent[mine] < 0.0))
     axis.axhline(0.0, color="0.6", lw=0.6, zorder=0)
+    if one_sided:
+        axis.text(0.03, 0.04, _ONE_SIDED, transform=axis.transAxes, fontsize=6, color="0.35")
