@@ -106,8 +106,8 @@ def _false_alarms(axis: Axes, null: dict[str, Rate]) -> None:
     axis.axvline(5.0, color="0.4", lw=0.9)
     axis.axvline(6.0, color="0.4", lw=0.9, ls="--")
     sets = {null[n]["sets"] for n in names}
-    count = max(sets)
-    each = "" if len(sets) > 1 else f" ({count} sets each)" if count > 1 else " (one set each)"
+    count = next(iter(sets)) if len(sets) == 1 else 0
+    each = f" ({count} sets each)" if count > 1 else " (one set each)" if count else ""
     axis.set_yticks(range(len(names)), [n if each else f"{n}, n = {null[n]['sets']}" for n in names])
     axis.set(title=f"False alarms, nothing hidden{each}", ylim=(len(names) - 0.4, -0.6))
     axis.set_xlabel("of 100 data sets (line: level; dashed: asked for at most)")

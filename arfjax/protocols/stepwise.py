@@ -110,10 +110,33 @@ def layered_field(
 
 
 def simulate_heating(model: Model, protocol: StepwiseProtocol, settings: Discretisation) -> Heating:
-    """The sonication from the start to the final temperature, with the field of the start temperature."""
-    grid = settings.heat_grid
-    field = layered_field(model, protocol.start_temperature, protocol, settings, r=grid.r, z=grid.z)
-    return heating_by(model, heat_deposition(field), protocol, settings)
+    """The sonication from the start to the final temperature, with the field of the start temperature.
+
+    The field is compiled once for all calls with the same discretisation.
+    """
+    heat = _heat_at(model, protocol.start_temperature, _Known(settings))
+    return heating_by(model, heat, protocol, settings)
+
+
+class _Known:
+    """A discretisation that a program is compiled for, whose positions have to be concrete: itself alone equals it."""
+
+    def __init__(self, settings: Discretisation) -> None:
+        self.settings = settings
+
+    def __hash__(self) -> int:
+        return id(self.settings)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Known) and other.settings is self.settings
+
+
+@eqx.filter_jit
+def _heat_at(model: Model, temperature: float, known: _Known) -> Float[Array, "r z"]:
+    """Heat deposition at one temperature of everything [W/m^3]."""
+    settings, grid = known.settings, known.settings.heat_grid
+    layers = layers_at(model, temperature, temperature)
+    return heat_deposition(settings.sound_field(model, layers, r=grid.r, z=grid.z))
 
 
 def heating_by(

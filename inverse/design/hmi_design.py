@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from arfjax import Effort, Experiment
+from inverse.cores import side_by_side
 from inverse.datasets.hmi import HmiData
 from inverse.design.design import Check, Design, Rated, alive, checked, reasons
 from inverse.design.hmi_proposals import HmiProposal, hmi_proposals
@@ -123,18 +124,22 @@ def design_hmi(
         )
     fitted = _fitted(found, prepared, settings.reference_temperature_c, causes, library)
     now = _separation(fitted, None, None)
-    rated, notes = [], []
     rows = fitted.problem.rows
     readings = int(np.max(np.bincount(rows.sonication)))
     hottest = float(np.max(rows.temperature))
-    for proposal in hmi_proposals(described.stepwise(), reference=fitted.reference, hottest=hottest, readings=readings):
+
+    def rate(proposal: HmiProposal) -> Separation | None:
         on_step(f"rating: {proposal.words}")
-        courses, more = _planned(fitted, proposal)
-        program, unknowns = fitted.lean
-        if program.on(courses).excess(unknowns) > _COVERED:
-            notes.append(f"Not rated, because the fast simulation does not reach so far: {proposal.words}.")
-            continue
-        rated.append((proposal, _separation(fitted, courses, more)))
+        return _rating(fitted, proposal)
+
+    proposals = hmi_proposals(described.stepwise(), reference=fitted.reference, hottest=hottest, readings=readings)
+    ratings = list(zip(proposals, side_by_side(rate, proposals), strict=True))
+    rated = [(proposal, found) for proposal, found in ratings if found is not None]
+    notes = [
+        f"Not rated, because the fast simulation does not reach so far: {proposal.words}."
+        for proposal, found in ratings
+        if found is None
+    ]
     if not rated:
         notes = [NOT_RATED]
     rated.sort(key=lambda one: -one[1].worst)
@@ -157,6 +162,15 @@ def _fitted(
     # Relative, as deviations that a file states say nothing of readings that are still to come.
     size = found.noise.size * float(np.median(1.0 / problem.weights))
     return _Fitted(problem, prepared, reference, found.account.null.unknowns, extensions, strengths, size)
+
+
+def _rating(fitted: _Fitted, proposal: HmiProposal) -> Separation | None:
+    """What a proposal would tell; None where the fast simulation does not reach so far."""
+    courses, more = _planned(fitted, proposal)
+    program, unknowns = fitted.lean
+    if program.on(courses).excess(unknowns) > _COVERED:
+        return None
+    return _separation(fitted, courses, more)
 
 
 def _planned(fitted: _Fitted, proposal: HmiProposal) -> tuple[list[Course], HmiRows]:
