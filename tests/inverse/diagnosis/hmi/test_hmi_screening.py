@@ -338,6 +338,15 @@ def test_curves_without_and_with_a_cause_are_drawn_to_one_scale(problem):
     assert first.get_ylim()[0] < drawn.min() < drawn.max() < first.get_ylim()[1]
 
 
+@pytest.mark.parametrize("one_sided", [False, True])
+def test_a_sonication_on_one_side_of_the_simulation_is_explained(problem, one_sided):
+    hidden, null, *_ = looked_for_in(problem, DRIFT, 1.0, 0.005)
+    residuals = np.abs(null.residuals) + 1e-6 if one_sided else null.residuals
+    figure = hmi_diagnosis_figure(failed(HmiAccount(hidden, null), hidden, residuals, (), level=0.05, seed=0))
+    words = [text.get_text() for axis in figure.axes for text in axis.texts]
+    assert any("on one side" in one for one in words) == one_sided
+
+
 def test_report_of_correlated_noise_is_of_the_fit_in_that_noise(problem):
     """Refits with causes are weighed with it: beside them, the fit in white noise is another kind of fit."""
     hidden, _ = measured_with(problem, "", 0.0)
