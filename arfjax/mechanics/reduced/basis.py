@@ -108,7 +108,7 @@ def principal_shapes(
         )
     mixing = vectors[:, ::-1][:, :n_modes] / np.sqrt(energy[::-1][:n_modes])
     nodal, motion, shape, dilatation = (
-        np.einsum("sm,s...->m...", mixing, part) for part in (snapshots, motion, shape, dilatation)
+        np.tensordot(mixing, part, axes=(0, 0)) for part in (snapshots, motion, shape, dilatation)
     )
     flat = [part.reshape(n_modes, -1) for part in (motion, shape, dilatation)]
     at_axis = np.asarray(interpolation_weights(mesh.z_edges, [focus]))[0]

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from arfjax import Discretisation, FastCurve, Model
+from arfjax.numerics.batches import map_in_batches
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.chain import Course, Courses, log_reported, together
@@ -263,4 +264,4 @@ class HmiProgram:
 def _linearised(function: Callable[[Array], Array], at: Array, directions: Array) -> tuple[Array, Array]:
     """Value, and derivative along each direction; what depends on none, such as gradients of pushes, computed once."""
     value, linear = jax.linearize(function, at)
-    return value, jax.lax.map(linear, directions, batch_size=_DIRECTIONS_AT_ONCE).T
+    return value, map_in_batches(linear, directions, _DIRECTIONS_AT_ONCE).T

@@ -12,6 +12,7 @@ from arfjax import Discretisation, FastCurve, Heating, Model, StepwiseProtocol, 
 from arfjax.laws import Scaled, Shifted, TemperatureLaw, ViscoelasticLaw
 from arfjax.media import Scalar
 from arfjax.model import DoseSize
+from arfjax.numerics.batches import map_in_batches
 from arfjax.numerics.derivatives import forward_by_reverse
 from arfjax.protocols.fast_curve import features
 from arfjax.protocols.stepwise import force_at, heating_by, lesion_at, lesion_share, push
@@ -118,7 +119,7 @@ class FastSimulation:
             temperature, change, share = argument
             return change.force * self.curve.push(changed(model, change), temperature, share, protocol)
 
-        return jax.lax.map(state, (temperature, change, share), batch_size=_AT_ONCE)
+        return map_in_batches(state, (temperature, change, share), _AT_ONCE)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -174,7 +175,7 @@ class FullSimulation:
 
         # As one batch, because the field up to the liver is then computed once.
         forces = jax.vmap(force)(temperature, change)
-        return jax.lax.map(state, (temperature, change, share, forces), batch_size=_AT_ONCE)
+        return map_in_batches(state, (temperature, change, share, forces), _AT_ONCE)
 
 
 def changed(model: Model, change: TissueChange) -> Model:
