@@ -2,11 +2,11 @@
 
 Every proposal is simulated with the fitted model, without the causes and with each as strong as the data have it: their
 effects bend within such strengths (see `HmiDiagnosisProblem.alternatives`), so that derivatives would rate others.
-Derivatives in the constants are central differences, as exact ones take four times as long to compile, once for nearly
-every proposal (nine that were looked at differed by up to 4e-8 of their length). Readings have the noise of those that
-there are, and a factor of their own. The fast simulation has learnt from pushes as they were: others, modulated or of
-twice or half the length, are within 3 percent of the full one (0.6 percent for the usual; the paper's case, seven
-temperatures from 37 to 78 degC).
+Derivatives in the constants are central differences, as exact ones take several times as long to compile, once for
+nearly every proposal (nine that were looked at differed by up to 4e-8 of their length). Readings have the noise of
+those that there are, and a factor of their own. The fast simulation has learnt from pushes as they were: others,
+modulated or of twice or half the length, are within 3 percent of the full one (0.6 percent for the usual; the paper's
+case, seven temperatures from 37 to 78 degC).
 """
 
 import dataclasses
