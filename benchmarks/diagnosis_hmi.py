@@ -61,7 +61,7 @@ SOURCES = (
     "inverse/diagnosis/hmi/causes/*.py",
     "tests/blind/hmi_*.py",
 )
-"""Code that a record depends on."""
+"""Code that a record depends on; what it is built upon changes seldom, and says so in CHANGELOG.md."""
 
 
 @dataclasses.dataclass(frozen=True)

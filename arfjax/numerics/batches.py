@@ -8,10 +8,11 @@ import jax.numpy as jnp
 
 
 def map_in_batches(function: Callable[[Any], Any], elements: Any, at_once: int) -> Any:
-    """What `jax.lax.map` with `batch_size` gives, in half the time to compile.
+    """What `jax.lax.map` with `batch_size` gives, compiled once.
 
-    That compiles its function twice, for whole batches and for what is left after them. Here all batches are of one
-    size, as nearly as can be, and the last is filled up with copies of the last element.
+    That compiles its function twice where elements do not fill whole batches: for those, and for what is left. Here all
+    batches are of one size, as small as so many batches can be, and the last is filled up with copies of the last
+    element.
 
     Args:
         function: Of one element, a pytree.

@@ -10,14 +10,19 @@ and scaled, exactly because it is linear, to reach the last temperature at the e
 nonlinear that is still the heat of the model's own power, scaled: set the power near what `Heating` says it takes.
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from arfjax.acoustics.checks import check_source
 from arfjax.acoustics.field import HarmonicField
 from arfjax.acoustics.intensity import heat_deposition
+from arfjax.acoustics.layers import AcousticLayer
+from arfjax.acoustics.sources.radiating_bowl import as_source
 from arfjax.laws import extrapolations
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.modulation import Modulation
@@ -112,10 +117,17 @@ def layered_field(
 def simulate_heating(model: Model, protocol: StepwiseProtocol, settings: Discretisation) -> Heating:
     """The sonication from the start to the final temperature, with the field of the start temperature.
 
-    The field is compiled once for all calls with the same discretisation.
+    Called again outside of `jit` with the same discretisation, it compiles the field anew only where numbers of the
+    model differ that are no arrays.
+
+    Raises:
+        InputError: if the discretisation is none for the model's sound, or constants of sound are not finite.
     """
-    heat = _heat_at(model, protocol.start_temperature, _Known(settings))
-    return heating_by(model, heat, protocol, settings)
+    start = protocol.start_temperature
+    layers = layers_at(model, start, start)
+    # Here, because within a compiled program numbers are none that could be looked at.
+    check_source(as_source(settings.source(model)), model.drive, layers, settings.march)
+    return heating_by(model, _heat_in(model, layers, _Known(settings)), protocol, settings)
 
 
 class _Known:
@@ -132,10 +144,9 @@ class _Known:
 
 
 @eqx.filter_jit
-def _heat_at(model: Model, temperature: float, known: _Known) -> Float[Array, "r z"]:
-    """Heat deposition at one temperature of everything [W/m^3]."""
+def _heat_in(model: Model, layers: Sequence[AcousticLayer], known: _Known) -> Float[Array, "r z"]:
+    """Heat deposition of the model's transducer in layers [W/m^3]."""
     settings, grid = known.settings, known.settings.heat_grid
-    layers = layers_at(model, temperature, temperature)
     return heat_deposition(settings.sound_field(model, layers, r=grid.r, z=grid.z))
 
 

@@ -10,7 +10,8 @@ case, seven temperatures from 37 to 78 degC).
 """
 
 import dataclasses
-import functools
+import itertools
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -49,7 +50,13 @@ _STEP = 1e-3
 
 @dataclasses.dataclass(frozen=True)
 class _Fitted:
-    """The diagnosed data, and what is to be told apart."""
+    """The diagnosed data, and what is to be told apart.
+
+    Attributes:
+        unknowns: Of the fit without causes, the causes' second parameters as the data have them.
+        lean: The program with nothing but the causes in question, which compiles faster, and the same unknowns for it.
+        effects: Of causes and constants on what was measured.
+    """
 
     problem: HmiDiagnosisProblem
     prepared: PreparedHmi
@@ -58,28 +65,8 @@ class _Fitted:
     extensions: Sequence[Extension[HmiCause]]
     strengths: Float[np.ndarray, " cause"]
     size: float
-
-    @property
-    def shaped(self) -> Float[np.ndarray, " unknown"]:
-        """Unknowns of the fit without causes, the causes' second parameters as the data have them."""
-        program, at = self.problem.program, self.unknowns.copy()
-        for extension in self.extensions:
-            at[len(program.causes) + program.place(extension.cause.name)] = float(extension.shape)
-        return at
-
-    @functools.cached_property
-    def lean(self) -> tuple[HmiProgram, Float[np.ndarray, " unknown"]]:
-        """The program with nothing but these causes, which compiles faster, and the same unknowns for it."""
-        program, count = self.problem.program, len(self.problem.program.causes)
-        causes = [extension.cause for extension in self.extensions]
-        places = np.array([program.place(cause.name) for cause in causes])
-        kept = np.concatenate([places, count + places, program.constants])
-        return program.with_causes(causes), self.shaped[kept]
-
-    @functools.cached_property
-    def effects(self) -> Float[np.ndarray, "row p"]:
-        """Of causes and constants on what was measured."""
-        return _effects(self, self.problem.program, self.shaped)
+    lean: tuple[HmiProgram, Float[np.ndarray, " unknown"]]
+    effects: Float[np.ndarray, "row p"]
 
 
 def design_hmi(
@@ -109,7 +96,7 @@ def design_hmi(
         check: Whether to simulate the best proposal with each cause and to diagnose it again.
         effort: How much goes into the fast simulation, where it is made here.
         seed: Of simulations.
-        on_step: Told what is being done.
+        on_step: Told what is being done, by one thread at a time, but of ratings not by that which calls.
 
     Raises:
         InputError: if there are no two causes to tell apart, or the fit itself failed.
@@ -128,17 +115,20 @@ def design_hmi(
     readings = int(np.max(np.bincount(rows.sonication)))
     hottest = float(np.max(rows.temperature))
 
+    proposals = hmi_proposals(described.stepwise(), reference=fitted.reference, hottest=hottest, readings=readings)
+    begun, one_at_a_time = itertools.count(1), threading.Lock()
+
     def rate(proposal: HmiProposal) -> Separation | None:
-        on_step(f"rating: {proposal.words}")
+        with one_at_a_time:
+            on_step(f"rating: {proposal.words}, {next(begun)} of {len(proposals)}")
         return _rating(fitted, proposal)
 
-    proposals = hmi_proposals(described.stepwise(), reference=fitted.reference, hottest=hottest, readings=readings)
     ratings = list(zip(proposals, side_by_side(rate, proposals), strict=True))
-    rated = [(proposal, found) for proposal, found in ratings if found is not None]
+    rated = [(proposal, separated) for proposal, separated in ratings if separated is not None]
     notes = [
         f"Not rated, because the fast simulation does not reach so far: {proposal.words}."
-        for proposal, found in ratings
-        if found is None
+        for proposal, separated in ratings
+        if separated is None
     ]
     if not rated:
         notes = [NOT_RATED]
@@ -158,10 +148,18 @@ def _fitted(
 ) -> _Fitted:
     extensions, strengths = alive(found, causes, library)
     assert isinstance(found.account, HmiAccount) and found.noise is not None
-    problem = found.account.problem
+    problem, unknowns = found.account.problem, found.account.null.unknowns.copy()
     # Relative, as deviations that a file states say nothing of readings that are still to come.
     size = found.noise.size * float(np.median(1.0 / problem.weights))
-    return _Fitted(problem, prepared, reference, found.account.null.unknowns, extensions, strengths, size)
+    program, count = problem.program, len(problem.program.causes)
+    places = np.array([program.place(extension.cause.name) for extension in extensions])
+    unknowns[count + places] = [float(extension.shape) for extension in extensions]
+    lean = program.with_causes([extension.cause for extension in extensions])
+    kept = np.concatenate([places, count + places, program.constants])
+    return _Fitted(
+        problem, prepared, reference, unknowns, extensions, strengths, size,
+        lean=(lean, unknowns[kept]), effects=_effects(program, unknowns, extensions, strengths),
+    )  # fmt: skip
 
 
 def _rating(fitted: _Fitted, proposal: HmiProposal) -> Separation | None:
@@ -192,7 +190,7 @@ def _separation(fitted: _Fitted, courses: Sequence[Course] | None, more: HmiRows
     factors = problem.factors
     if courses is not None and more is not None:
         program, unknowns = fitted.lean
-        parts.append(_effects(fitted, program.on(courses), unknowns))
+        parts.append(_effects(program.on(courses), unknowns, fitted.extensions, fitted.strengths))
         factors = np.block([
             [factors, np.zeros((len(factors), 1))],
             [np.zeros((len(more), factors.shape[1])), np.ones((len(more), 1))],
@@ -206,14 +204,19 @@ def _separation(fitted: _Fitted, courses: Sequence[Course] | None, more: HmiRows
     return separation(names, moved, fitted.strengths, known, fitted.size)
 
 
-def _effects(fitted: _Fitted, here: HmiProgram, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "row p"]:
+def _effects(
+    program: HmiProgram,
+    unknowns: Float[np.ndarray, " unknown"],
+    extensions: Sequence[Extension[HmiCause]],
+    strengths: Float[np.ndarray, " cause"],
+) -> Float[np.ndarray, "row p"]:
     """Effects of the causes over their strengths, in their units, then derivatives in the constants."""
-    plain, columns = here.predict(unknowns), []
-    for extension, strength in zip(fitted.extensions, fitted.strengths, strict=True):
+    plain, columns = program.predict(unknowns), []
+    for extension, strength in zip(extensions, strengths, strict=True):
         cause = extension.cause
-        effect = here.secant(unknowns, here.place(cause.name), float(strength) / cause.plausible, plain)
+        effect = program.secant(unknowns, program.place(cause.name), float(strength) / cause.plausible, plain)
         columns.append(effect / cause.plausible)
-    return np.column_stack([*columns, *_slopes(here, unknowns)])
+    return np.column_stack([*columns, *_slopes(program, unknowns)])
 
 
 def _slopes(program: HmiProgram, unknowns: Float[np.ndarray, " unknown"]) -> list[Float[np.ndarray, " row"]]:
@@ -234,7 +237,7 @@ def _checks(
     for number, (extension, strength) in enumerate(zip(fitted.extensions, fitted.strengths, strict=True)):
         hidden = extension.cause.name
         on_step(f"simulating {proposal.name} with {hidden}")
-        unknowns = fitted.shaped
+        unknowns = fitted.unknowns.copy()
         unknowns[together.program.place(hidden)] = strength / extension.cause.plausible
         rng = np.random.default_rng([seed, number])
         read = together.program.predict(unknowns) + fitted.size * rng.standard_normal(len(together.rows))

@@ -67,7 +67,8 @@ def _draw_left(axis: Axes, rows: HmiRows, percent: np.ndarray) -> None:
         axis.plot(
             rows.temperature[mine], percent[mine], f"-{_MARKERS[number % 8]}", ms=2.5, lw=0.7, color=f"C{number % 10}"
         )
-        one_sided |= bool(np.all(percent[mine] > 0.0) or np.all(percent[mine] < 0.0))
+        # A single one has nothing left: its factor takes it all.
+        one_sided |= len(mine) > 1 and bool(np.all(percent[mine] > 0.0) or np.all(percent[mine] < 0.0))
     axis.axhline(0.0, color="0.6", lw=0.6, zorder=0)
     if one_sided:
         axis.text(0.03, 0.04, _ONE_SIDED, transform=axis.transAxes, fontsize=6, color="0.35")

@@ -22,6 +22,8 @@ from arfjax import (
     suomi2016,
     tabulated_size,
 )
+from arfjax.acoustics.intensity import heat_deposition
+from arfjax.protocols import stepwise
 from arfjax.protocols.shear_wave import WatchSettings
 from arfjax.protocols.shear_wave import _steps as steps_of_watch
 
@@ -294,3 +296,33 @@ def test_default_discretisation_is_within_its_stated_accuracy(model, protocol):
         run = eqx.filter_jit(lambda model, settings=settings: run_stepwise(model, temperatures, protocol, settings))
         curves.append(np.asarray(run(model).displacement))
     np.testing.assert_allclose(curves[0], curves[1], rtol=arfjax.DISPLACEMENT_ACCURACY)
+
+
+def test_a_heating_refuses_sound_that_is_none_before_it_compiles_any(model, protocol, coarse):
+    attenuation = model.liver.attenuation
+    spoiled = eqx.tree_at(
+        lambda tree: tree.liver.attenuation.coefficients, model, jnp.full_like(attenuation.coefficients, jnp.nan)
+    )
+    with pytest.raises(arfjax.InputError, match="not finite"):
+        simulate_heating(spoiled, protocol, coarse)
+    quick = eqx.tree_at(lambda tree: tree.drive.frequency, model, jnp.asarray(20e6))
+    with pytest.raises(arfjax.InputError, match="does not resolve"):
+        simulate_heating(quick, protocol, coarse)
+
+
+def test_a_heating_that_comes_again_compiles_no_sound(model, protocol, coarse, monkeypatch):
+    traced = []
+
+    def counted(field):
+        traced.append(field)
+        return heat_deposition(field)
+
+    monkeypatch.setattr(stepwise, "heat_deposition", counted)
+    # An equal discretisation that no other test has had compiled.
+    mine = dataclasses.replace(coarse)
+    first = simulate_heating(model, protocol, mine)
+    again = simulate_heating(model, dataclasses.replace(protocol, final_temperature=60.0), mine)
+    assert len(traced) == 1
+    assert float(again.acoustic_power) == pytest.approx(float(first.acoustic_power) * 25.0 / 35.0)
+    simulate_heating(model, protocol, dataclasses.replace(coarse))
+    assert len(traced) == 2
