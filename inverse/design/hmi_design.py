@@ -65,8 +65,28 @@ class _Fitted:
     extensions: Sequence[Extension[HmiCause]]
     strengths: Float[np.ndarray, " cause"]
     size: float
-    lean: tuple[HmiProgram, Float[np.ndarray, " unknown"]]
+    lean: tuple[HmiProgram, Float[np.ndarray, " lean_unknown"]]
     effects: Float[np.ndarray, "row p"]
+
+    @classmethod
+    def about(
+        cls,
+        problem: HmiDiagnosisProblem,
+        prepared: PreparedHmi,
+        reference: float,
+        unknowns: Float[np.ndarray, " unknown"],
+        extensions: Sequence[Extension[HmiCause]],
+        strengths: Float[np.ndarray, " cause"],
+        size: float,
+    ) -> "_Fitted":
+        """About a fit without causes, whose unknowns have any second parameters."""
+        program, shaped, count = problem.program, unknowns.copy(), len(problem.program.causes)
+        places = np.array([program.place(extension.cause.name) for extension in extensions])
+        shaped[count + places] = [float(extension.shape) for extension in extensions]
+        kept = np.concatenate([places, count + places, program.constants])
+        lean = program.with_causes([extension.cause for extension in extensions]), shaped[kept]
+        effects = _effects(program, shaped, extensions, strengths)
+        return cls(problem, prepared, reference, shaped, extensions, strengths, size, lean, effects)
 
 
 def design_hmi(
@@ -148,18 +168,10 @@ def _fitted(
 ) -> _Fitted:
     extensions, strengths = alive(found, causes, library)
     assert isinstance(found.account, HmiAccount) and found.noise is not None
-    problem, unknowns = found.account.problem, found.account.null.unknowns.copy()
+    problem = found.account.problem
     # Relative, as deviations that a file states say nothing of readings that are still to come.
     size = found.noise.size * float(np.median(1.0 / problem.weights))
-    program, count = problem.program, len(problem.program.causes)
-    places = np.array([program.place(extension.cause.name) for extension in extensions])
-    unknowns[count + places] = [float(extension.shape) for extension in extensions]
-    lean = program.with_causes([extension.cause for extension in extensions])
-    kept = np.concatenate([places, count + places, program.constants])
-    return _Fitted(
-        problem, prepared, reference, unknowns, extensions, strengths, size,
-        lean=(lean, unknowns[kept]), effects=_effects(program, unknowns, extensions, strengths),
-    )  # fmt: skip
+    return _Fitted.about(problem, prepared, reference, found.account.null.unknowns, extensions, strengths, size)
 
 
 def _rating(fitted: _Fitted, proposal: HmiProposal) -> Separation | None:

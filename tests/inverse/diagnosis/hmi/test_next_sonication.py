@@ -67,12 +67,13 @@ def test_causes_in_question_alone_do_what_they_do_among_all(problem, prepared):
     """In a program of their own, shapes and constants included."""
     by_name = {cause.name: cause for cause in HMI_CAUSES}
     extensions = [Extension(by_name["pre-ablation-softening"], 50.0), Extension(by_name[LAG], 0.0)]
+    strengths = np.array([-0.3, 0.5])
     unknowns = problem.program.null()
     unknowns[problem.program.constants] += 0.1 * problem.program.spreads
-    fitted = hmi_design._Fitted(problem, prepared, 37.0, unknowns, extensions, np.array([-0.3, 0.5]), 0.01)
+    fitted = hmi_design._Fitted.about(problem, prepared, 37.0, unknowns, extensions, strengths, 0.01)
     program, lean = fitted.lean
-    np.testing.assert_allclose(program.predict(lean), problem.program.predict(fitted.shaped), rtol=1e-12)
-    effects, among_all = hmi_design._effects(fitted, program, lean), fitted.effects
+    np.testing.assert_allclose(program.predict(lean), problem.program.predict(fitted.unknowns), rtol=1e-12)
+    effects, among_all = hmi_design._effects(program, lean, extensions, strengths), fitted.effects
     # Rounding of logarithms of a percent, some 1e-14, over steps of 1e-3.
     np.testing.assert_allclose(effects, among_all, rtol=1e-6, atol=1e-8 * np.abs(among_all).max())
     assert np.all(np.linalg.norm(among_all[:, :2], axis=0) > 1e-3)
