@@ -1,5 +1,6 @@
 """`arfjax causes`: what a diagnosis looks for, by name."""
 
+import math
 import textwrap
 from collections.abc import Sequence
 from typing import Annotated
@@ -42,11 +43,19 @@ def _described(cause: Cause) -> list[str]:
     parts = [
         f"{cause.name}: {cause.place}",
         cause.sentence,
-        f"A strength of {_plausible(cause)}{unit} is plausible. {shape}",
+        f"A strength of {_plausible(cause)}{unit} is plausible{_ends(cause, unit)}. {shape}",
         f"What would show it: {cause.helps}",
         f"Source: {cause.source}",
     ]
     return [line for part in parts for line in textwrap.wrap(part, _WIDTH)]
+
+
+def _ends(cause: Cause, unit: str) -> str:
+    """What it can be at least and at most, where that is known; none below 0 goes without saying."""
+    below, above = cause.possible if cause.sign == 0 else (-math.inf, cause.largest)
+    said = [f"none below {below:.3g}{unit}"] if math.isfinite(below) else []
+    said += [f"none above {above:.3g}{unit}"] if math.isfinite(above) else []
+    return "; there is " + ", and ".join(said) if said else ""
 
 
 def _table(library: Sequence[Cause]) -> list[str]:

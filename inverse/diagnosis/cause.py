@@ -75,7 +75,8 @@ class Cause(eqx.Module):
         sign: 1 if the strength cannot be negative, 0 if it may have either sign.
         plausible: Scale of strengths that one would believe. A cause that shows only far above it is not testable, and
             searches begin by it; no estimate is held back by it.
-        largest: Strength, of either sign, beyond which there is no such effect or nothing is known of it.
+        least: Strength below which there is no such effect or nothing is known of it, where it may be negative.
+        largest: Strength above which it is so.
         shapes: Values of a second parameter to screen, ascending; (0.0,) for a cause without one. A refit moves it
             between the first and the last. In steps so small that what the fit leaves of the effects of neighbours
             has a cosine of 0.7 at least: an effect between two of them is then seen with 92 % of its d' or more.
@@ -93,6 +94,7 @@ class Cause(eqx.Module):
     sentence: ClassVar[str]
     helps: ClassVar[str]
     source: ClassVar[str]
+    least: ClassVar[float] = float("-inf")
     largest: ClassVar[float] = float("inf")
     shapes: ClassVar[tuple[float, ...]] = (0.0,)
     shape_means: ClassVar[str] = ""
@@ -100,7 +102,12 @@ class Cause(eqx.Module):
     @property
     def possible(self) -> tuple[float, float]:
         """Least and largest strength that there can be."""
-        return (0.0 if self.sign > 0 else -self.largest), self.largest
+        return (0.0 if self.sign > 0 else self.least), self.largest
+
+    def farthest(self, sign: int) -> float:
+        """How far from 0 a strength can be: above it (1), below it (-1), or to the side where it is farther (0)."""
+        below, above = -self.possible[0], self.largest
+        return above if sign > 0 else below if sign < 0 else max(below, above)
 
 
 class DmaCause(Cause):

@@ -103,6 +103,7 @@ def _wrong_in(one: Cause) -> tuple[tuple[bool, str], ...]:
         (one.sign not in (0, 1), f"a `sign` of 0 (either sign) or 1 (none below 0), got {one.sign}"),
         (not 0.0 < one.plausible < math.inf, f"a finite `plausible` above 0, got {one.plausible:g}"),
         (not one.largest >= one.plausible, f"a `largest` of its `plausible`, {one.plausible:g}, or more"),
+        (one.sign == 0 and not one.least < 0.0, f"a `least` below 0, since its `sign` is 0, got {one.least:g}"),
         (not (one.shapes and ascending), f"`shapes` that ascend, at least one, got {one.shapes}"),
         (len(one.shapes) > 1 and not one.shape_means, "a `shape_means`, since it has several `shapes`"),
     )

@@ -163,26 +163,34 @@ def visible_alternatives(
         shapes = [a for a in alternatives if a.name == cause.name]
         visible = [float(visibility(a.directions, fitted)[0]) for a in shapes]
         detectable = [detectable_strength(a, v, size) for a, v in zip(shapes, visible, strict=True)]
-        most = min(MOST_IMPLAUSIBLE * cause.plausible, cause.largest)
-        usable = [a for a, v, d in zip(shapes, visible, detectable, strict=True) if v >= LEAST_VISIBILITY and d <= most]
+        most = [min(MOST_IMPLAUSIBLE * cause.plausible, cause.farthest(a.sign)) for a in shapes]
+        usable = [
+            a for a, v, d, m in zip(shapes, visible, detectable, most, strict=True) if v >= LEAST_VISIBILITY and d <= m
+        ]
         seen += usable
         if usable:
             continue
         best = int(np.argmax(visible))
-        if float(np.linalg.norm(shapes[best].directions)) * most < NEGLIGIBLE * size:
+        if float(np.linalg.norm(shapes[best].directions)) * most[best] < NEGLIGIBLE * size:
             why = "it has no effect on these data"
         elif visible[best] < LEAST_VISIBILITY:
             why = f"the fitted constants imitate all but {100.0 * visible[best]:.2g} % of its effect"
         else:
-            unit = "" if cause.unit == "1" else f" {cause.unit}"
-            limit = (
-                f"{cause.plausible:.2g}{unit} is plausible"
-                if most < cause.largest
-                else f"there is none above {cause.largest:.2g}{unit}"
-            )
-            why = f"it would have to be {min(detectable):.2g}{unit} to be seen, where {limit}"
+            nearest = int(np.argmin(np.array(detectable) / np.array(most)))
+            why = _too_weak(cause, shapes[nearest].sign, detectable[nearest])
         hidden.append(NotTestable(cause.name, why, cause.helps))
     return seen, tuple(hidden)
+
+
+def _too_weak(cause: Cause, sign: int, detectable: float) -> str:
+    """That the strength which would be seen is none that there can be, or that one believes."""
+    unit, below = "" if cause.unit == "1" else f" {cause.unit}", sign < 0
+    end, plausible = cause.farthest(sign), cause.plausible
+    if MOST_IMPLAUSIBLE * plausible < end:
+        limit = f"{plausible:.2g}{unit} is plausible"
+    else:
+        limit = f"there is none {'below -' if below else 'above '}{end:.2g}{unit}"
+    return f"it would have to be {'-' if below else ''}{detectable:.2g}{unit} to be seen, where {limit}"
 
 
 def detectable_strength(alternative: Alternative, visible: float, size: float) -> float:

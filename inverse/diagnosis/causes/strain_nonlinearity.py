@@ -15,7 +15,7 @@ class StrainNonlinearity(DmaCause):
     unit = "1"
     sign = 0
     plausible = 0.3
-    largest = 0.95
+    least, largest = -0.95, 0.95
     sentence = "The strain is larger where the sample is soft, and large strain softens (or stiffens) and dissipates."
     helps = "Two strain amplitudes at one temperature."
     source = (

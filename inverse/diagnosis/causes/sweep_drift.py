@@ -13,6 +13,7 @@ class SweepDrift(DmaCause):
     unit = "1 per sweep"
     sign = 0
     plausible = 0.1
+    least = -0.95
     sentence = "The reading drifts in the course of each sweep, by the same part in all of them."
     helps = "Frequencies in random order, or the first frequency repeated at the end of each sweep."
     source = "scale assumed: a tenth in a sweep"

@@ -128,14 +128,15 @@ class HmiDiagnosisProblem:
 
             small = taken_at(_SMALL)
             length = float(np.linalg.norm(small - basis @ (basis.T @ small)))
-            reach = min(DETECTABLE * size / max(length, 1e-300), farthest(cause))
+            seen = DETECTABLE * size / max(length, 1e-300)
+            reaches = [sign * min(seen, farthest(cause, sign)) for sign in (1, -1)[: 1 if cause.sign > 0 else 2]]
             return [
                 # In the strength's own unit: the program counts in plausible strengths.
                 Effect(
-                    cause.name, taken_at(sign * reach) / cause.plausible, sign,
-                    shape if len(cause.shapes) > 1 else None, sign * reach * cause.plausible,
+                    cause.name, taken_at(reach) / cause.plausible, 1 if reach > 0.0 else -1,
+                    shape if len(cause.shapes) > 1 else None, reach * cause.plausible,
                 )
-                for sign in (1, -1)[: 1 if cause.sign > 0 else 2]
+                for reach in reaches
             ]  # fmt: skip
 
         shapes = [(place, shape) for place, cause in enumerate(program.causes) for shape in cause.shapes]
@@ -186,6 +187,6 @@ def mesh_error(difference: Float[np.ndarray, " row"], rows: HmiRows) -> Float[np
     return found
 
 
-def farthest(cause: HmiCause) -> float:
-    """Strength, in plausible ones, up to which an effect is followed."""
-    return min(_FARTHEST, cause.largest / cause.plausible)
+def farthest(cause: HmiCause, sign: int) -> float:
+    """How far from 0 an effect is followed to one side (1 or -1), in plausible strengths."""
+    return min(_FARTHEST, cause.farthest(sign) / cause.plausible)

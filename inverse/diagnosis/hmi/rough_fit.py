@@ -225,7 +225,7 @@ class _RoughFitting:
         followed = Followed(lambda part: self._fitting.stacked(whole(part)), first, slopes * scales)
         lower, upper = (each[moved] - base[moved] for each in self._fitting.bounds())
         lower, upper = lower / scales, upper / scales
-        most = max(cause.largest / cause.plausible / abs(reach), 1.0 + 1e-6)
+        most = max(cause.farthest(effect.sign) / cause.plausible / abs(reach), 1.0 + 1e-6)
         lower[0], upper[0] = np.array([_LEAST, most]) - base[place] / reach
         followed.descend(lower, upper)
         if followed.best is None:
@@ -247,7 +247,7 @@ class _RoughFitting:
         strength = detectable_strength(effect, visible, self._spread)
         # An effect that was taken too far, and is too long there, is taken to grow with the square of the strength.
         strength = math.sqrt(strength * max(strength, abs(effect.reach)))
-        return min(strength / cause.plausible, farthest(cause))
+        return min(strength / cause.plausible, farthest(cause, effect.sign))
 
 
 class Followed:

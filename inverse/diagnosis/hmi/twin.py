@@ -38,8 +38,7 @@ def twin_strength(fit: HmiFit, noise: Noise, size: float) -> float | None:
     if len(fit.extensions) != 1 or not fit.converged:
         return None
     cause = fit.extensions[0].cause
-    # The fit itself may lie beyond what effects are followed to.
-    most = max(farthest(cause), min(2.0 * abs(float(fit.strengths[0])), cause.largest) / cause.plausible)
+    least, largest = (sign * _farthest(fit, sign) for sign in (-1, 1))
     fitting = Fitting(dataclasses.replace(fit.problem, correction=None), fit.extensions, noise, size)
 
     def misfit(strength: float) -> float:
@@ -48,7 +47,7 @@ def twin_strength(fit: HmiFit, noise: Noise, size: float) -> float | None:
         value = fitting.stacked(unknowns)
         return float(value @ value) if np.all(np.isfinite(value)) else math.inf
 
-    strengths = np.linspace(0.0 if cause.sign > 0 else -most, most, _STRENGTHS)
+    strengths = np.linspace(least, largest, _STRENGTHS)
     found = np.array([misfit(strength) for strength in strengths])
     own = misfit(float(fit.strengths[0]) / cause.plausible)
     around = np.pad(found, 1, constant_values=np.inf)
@@ -59,6 +58,13 @@ def twin_strength(fit: HmiFit, noise: Noise, size: float) -> float | None:
     near = found - own < _CLEARLY_WORSE**2 * own * fit.variance / fit.misfit
     places = np.flatnonzero(beside & turns & near)
     return float(strengths[places[np.argmin(found[places])]]) * cause.plausible if len(places) else None
+
+
+def _farthest(fit: HmiFit, sign: int) -> float:
+    """How far from 0 a twin is looked for to one side, in plausible strengths."""
+    cause = fit.extensions[0].cause
+    # The fit itself may lie beyond what effects are followed to.
+    return max(farthest(cause, sign), min(2.0 * abs(float(fit.strengths[0])), cause.farthest(sign)) / cause.plausible)
 
 
 def spanning(fit: HmiFit, twin: HmiFit) -> HmiFit:

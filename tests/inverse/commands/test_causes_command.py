@@ -30,6 +30,20 @@ def test_one_is_described(name, capsys):
         assert " ".join(part.split()) in said
 
 
+@pytest.mark.parametrize(
+    ("name", "ends"),
+    [
+        ("lesion-rim", "±0.5 is plausible; there is none below -1, and none above 1."),
+        ("perfusion", "±1 is plausible; there is none below -1."),
+        ("thermocouple-position", "0.25 mm^2 is plausible; there is none above 1.56 mm^2."),
+        ("drying", "0.3 is plausible."),
+    ],
+)
+def test_how_strong_one_can_be(name, ends, capsys):
+    assert run(["causes", name]) == 0
+    assert f"A strength of {ends} What would show it" in " ".join(capsys.readouterr().out.split())
+
+
 def test_one_that_there_is_not(capsys):
     assert run(["causes", "gremlins"]) == 2
     said = capsys.readouterr().err

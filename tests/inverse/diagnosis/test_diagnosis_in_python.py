@@ -126,6 +126,7 @@ def test_what_is_no_cause(wrong, said):
         ({"plausible": math.nan}, "a finite `plausible` above 0, got nan"),
         ({"sign": -1}, r"a `sign` of 0 \(either sign\) or 1"),
         ({"largest": 0.05}, "a `largest` of its `plausible`, 0.1, or more"),
+        ({"sign": 0, "least": 0.0}, "a `least` below 0, since its `sign` is 0, got 0"),
     ],
 )
 def test_a_cause_of_ones_own_that_no_search_could_use(wrong, said):

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -247,3 +249,23 @@ def test_a_cause_that_shows_only_where_it_cannot_be_is_not_testable(name, farthe
         seen, not_testable = visible_alternatives([Alternative(name, direction, 1)], FITTED, size, [cause])
         assert (len(seen), len(not_testable)) == ((0, 1) if hidden else (1, 0))
     assert f"it would have to be {words}" in not_testable[0].why
+
+
+@pytest.mark.parametrize(
+    ("least", "largest", "signs", "words"),
+    [
+        (-1.0, math.inf, (1,), ""),
+        (-math.inf, 1.0, (-1,), ""),
+        (-1.0, 1.5, (), "2 to be seen, where there is none above 1.5"),
+        (-1.5, 1.0, (), "-2 to be seen, where there is none below -1.5"),
+    ],
+)
+def test_either_side_of_a_cause_has_an_end_of_its_own(least, largest, signs, words):
+    direction = CAUSE - independent(FITTED) @ (independent(FITTED).T @ CAUSE)
+    size = 2.0 * float(np.linalg.norm(direction)) / DETECTABLE
+    said = {"sign": 0, "unit": "1", "plausible": 1.0, "least": least, "largest": largest}
+    ends = type("Ends", (type(DMA_CAUSES[0]),), said)()
+    both = [Alternative(ends.name, direction, sign) for sign in (1, -1)]
+    seen, not_testable = visible_alternatives(both, FITTED, size, [ends])
+    assert tuple(one.sign for one in seen) == signs
+    assert [one.why for one in not_testable] == ([f"it would have to be {words}"] if words else [])

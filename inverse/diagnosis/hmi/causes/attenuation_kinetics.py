@@ -19,6 +19,7 @@ class AttenuationKinetics(HmiCause):
     unit = "1"
     sign = 0
     plausible = 0.5
+    least = -1.0
     sentence = (
         "Coagulated tissue attenuates more, and gets there slowly after its dose, whatever the temperature is then."
     )

@@ -18,6 +18,7 @@ class Cavitation(HmiCause):
     unit = "1"
     sign = 0
     plausible = 0.3
+    least = -0.95
     sentence = (
         "Above some temperature gas comes out of solution, and bubbles take sound up and push, or shield the focus."
     )

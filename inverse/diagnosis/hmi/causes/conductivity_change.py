@@ -16,6 +16,7 @@ class ConductivityChange(HmiCause):
     unit = "1"
     sign = 0
     plausible = 0.3
+    least = -0.95
     sentence = (
         "Heat spreads faster or slower than assumed, so that the lesion is wider or narrower at the same temperature."
     )

@@ -15,7 +15,7 @@ class LesionRim(HmiCause):
     unit = "1"
     sign = 0
     plausible = 0.5
-    largest = 1.0
+    least, largest = -1.0, 1.0
     """A softer rim would have less than no lesion in it, a stiffer one more than the lesion itself."""
     sentence = "Between lesion and liver lies a rim that is softer or stiffer than the model's transition."
     helps = "A scan of the push across the lesion's edge, or histology."

@@ -15,6 +15,7 @@ class OutputDrift(HmiCause):
     unit = "1"
     sign = 0
     plausible = 0.1
+    least = -0.95
     sentence = (
         "The transducer's efficiency changes while it warms: the same drive pushes less at the end of a "
         "sonication than at its start."

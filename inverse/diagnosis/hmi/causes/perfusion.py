@@ -1,14 +1,33 @@
 """Blood flow other than assumed."""
 
 import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from arfjax import Model
-from arfjax.laws import Shifted
+from arfjax.laws import Scalar, Shifted, Temperature
 from inverse.diagnosis.cause import Strength
 from inverse.diagnosis.hmi.cause import HmiCause
 
 PERFUSED = 15.2 / 1050.0
 """Volume of blood per volume of liver and time, in life [1/s]."""
+
+
+class _Flow(Shifted):
+    """Another flow with some added, but none where that would be negative."""
+
+    def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """The sum, or none."""
+        return _flowing(super().evaluate(temperature))
+
+    def after(self, temperature: Temperature, dose: Temperature) -> Scalar | Float[Array, "..."]:
+        """The sum after a dose, or none."""
+        return _flowing(super().after(temperature, dose))
+
+
+def _flowing(rate: Scalar | Float[Array, "..."]) -> Float[Array, "..."]:
+    # Where nothing flows the derivative is that of what is added: `maximum` has half of it there.
+    return jnp.where(jnp.asarray(rate) < 0.0, 0.0, rate)
 
 
 class Perfusion(HmiCause):
@@ -19,6 +38,7 @@ class Perfusion(HmiCause):
     unit = "1"
     sign = 0
     plausible = 1.0
+    least = -1.0
     sentence = (
         "More or less blood flow than assumed: the temperature comes to rest earlier or later, and the lesion has "
         "another shape and dose."
@@ -29,8 +49,8 @@ class Perfusion(HmiCause):
     )
 
     def model(self, model: Model, strength: Strength, shape: Strength) -> Model:
-        """Perfusion rate with a part of that of perfused liver added."""
+        """Perfusion rate with a part of that of perfused liver added, where that leaves any."""
         del shape
         law = model.liver.perfusion_rate
-        more = Shifted(law=law, shift=strength * PERFUSED, unit=law.unit, source=law.source)
+        more = _Flow(law=law, shift=strength * PERFUSED, unit=law.unit, source=law.source)
         return eqx.tree_at(lambda tree: tree.liver.perfusion_rate, model, more)

@@ -18,6 +18,7 @@ class PreAblationSoftening(HmiCause):
     unit = "1"
     sign = 0
     plausible = 0.3
+    largest = 0.95
     sentence = (
         "Liver changes its stiffness between body temperature and coagulation, by proteins that unfold before "
         "they aggregate."

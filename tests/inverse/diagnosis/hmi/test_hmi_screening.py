@@ -48,10 +48,10 @@ def test_alternatives_are_the_effects_of_detectable_strengths(problem):
         assert tuple(one.sign for one in mine) == signs
         unknowns, _ = at_strength(problem, cause, 0.0, shape)
         slope = program.slopes(unknowns, [program.place(name)])[:, 0]
-        reach = min(4.5 * size / np.linalg.norm(slope - basis @ (basis.T @ slope)), 4.0)
-        reach = min(reach, cause.largest / cause.plausible)
+        seen = min(4.5 * size / np.linalg.norm(slope - basis @ (basis.T @ slope)), 4.0)
         for one, sign in zip(mine, signs, strict=True):
             # By a change that is small, where the derivative is that of none.
+            reach = min(seen, cause.farthest(sign) / cause.plausible)
             assert one.reach == pytest.approx(sign * reach * cause.plausible, rel=1e-3)
             change = at_strength(problem, cause, one.reach / cause.plausible, shape)[1] - plain
             np.testing.assert_allclose(one.directions[:, 0] * one.reach, change, atol=1e-10)

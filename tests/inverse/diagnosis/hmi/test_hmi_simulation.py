@@ -297,10 +297,20 @@ def test_fit_on_which_the_simulations_do_not_agree_says_so(problem):
 def test_rim_has_no_less_than_no_lesion_and_no_more_than_all_of_it(problem):
     cause = next(cause for cause in HMI_CAUSES if cause.name == "lesion-rim")
     for sign in (1.0, -1.0):
-        measured, _ = measured_with(problem, cause.name, sign * cause.largest / cause.plausible)
+        measured, _ = measured_with(problem, cause.name, sign * cause.farthest(int(sign)) / cause.plausible)
         guess = np.array([3.0 * sign * cause.largest])
         fit = fit_hmi(measured, (Extension(cause, 0.0),), white(measured), size=1e-6, strengths=guess)
-        assert np.isfinite(fit.misfit) and abs(fit.strengths[0]) <= cause.largest
+        assert np.isfinite(fit.misfit) and cause.least <= fit.strengths[0] <= cause.largest
+
+
+def test_there_is_no_less_flow_than_none(problem):
+    """What a fit would like to be below its end stays there, with an interval that ends there, too."""
+    cause = next(cause for cause in HMI_CAUSES if cause.name == "perfusion")
+    measured, _ = measured_with(problem, cause.name, cause.least / cause.plausible, noise=0.01, seed=1)
+    fit = fit_hmi(measured, (Extension(cause, 0.0),), white(measured), size=0.01, strengths=np.array([-5.0]))
+    assert cause.least <= fit.strengths[0] and fit.intervals[0, 0] == cause.least < fit.intervals[0, 1]
+    found = problem.alternatives(problem.program.null(), problem.factors, 1.0)
+    assert {one.reach for one in found if one.name == "perfusion"} == {4.0, -1.0}
 
 
 @pytest.mark.parametrize("which", ["white", "correlated", "louder"])
