@@ -31,6 +31,7 @@ judged anew and it was not chosen by them (CHANGELOG says where)."""
 REPORTING = (
     "inverse/diagnosis/choice.py",
     "inverse/diagnosis/constants.py",
+    "inverse/diagnosis/content.py",
     "inverse/diagnosis/dma_account.py",
     "inverse/diagnosis/gain.py",
     "inverse/diagnosis/report.py",

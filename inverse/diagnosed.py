@@ -16,6 +16,7 @@ from inverse.design.report import in_short, in_words
 from inverse.diagnosis.cause import Cause
 from inverse.diagnosis.causes import DMA_CAUSES
 from inverse.diagnosis.choice import find_causes
+from inverse.diagnosis.content import as_json
 from inverse.diagnosis.diagnosis import Diagnosis
 from inverse.diagnosis.dma_diagnosis import diagnose_dma
 from inverse.diagnosis.hmi.causes import HMI_CAUSES
@@ -23,7 +24,7 @@ from inverse.diagnosis.hmi.diagnosis import diagnose_hmi, require_diagnosable
 from inverse.diagnosis.hmi.prepare import LEARNT, prepare_hmi
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.level import require_level
-from inverse.diagnosis.report import as_json, report
+from inverse.diagnosis.report import report
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL, ZenerModel
 from inverse.figures.diagnosis import diagnosis_figure
 from inverse.figures.hmi_diagnosis import hmi_diagnosis_figure

@@ -158,4 +158,7 @@ def _free_combination(jacobian, values, names) -> tuple[str, ...]:
     together = ", ".join(
         f"{names[index]} by {change:+.2g} %" for index, change in zip(kept, relative, strict=True) if abs(change) > 0.05
     )
+    if "," not in together:
+        alone = together.split(" by ")[0]
+        return (f"The data hardly tell {alone}: changed by itself, it leaves the fit all but the same.",)
     return (f"The data do not tell apart a joint change of {together}: the fit stays all but the same.",)

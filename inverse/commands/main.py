@@ -33,6 +33,10 @@ def run(arguments: list[str]) -> int:
     from inverse.commands.app import app
     from inverse.commands.partial import StoppedEarly
 
+    if "" in arguments:
+        place = arguments.index("")
+        of = arguments[place - 1] if place and arguments[place - 1].startswith("-") else f"argument {place + 1}"
+        return _complain(f"{of}: the value is empty; give one (is a shell variable not set?).")
     # Found through a class that typer exports, because some of its versions bring their own copy of click.
     usage_error: Any = typer.BadParameter.__mro__[1]
     try:

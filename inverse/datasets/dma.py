@@ -8,20 +8,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from arfjax.units import MODULUS_IN_PASCAL
+from inverse.datasets.dma_checks import SWEEP_GAP, check_magnitudes, check_signs, check_time
 from inverse.datasets.table import TEMPERATURE_UNITS, TIME_UNITS, Columns, Quantity, read_columns
 
-SOFTEST_PLAUSIBLE = 500.0
-"""Modulus [Pa] below which all values of a file in "Pa" are taken for another unit."""
-STIFFEST_PLAUSIBLE = 1.2e12
-"""Young's modulus of diamond [Pa]; nothing measured by dynamic mechanical analysis is stiffer."""
-SMALLEST_LOSS_TANGENT, LARGEST_LOSS_TANGENT = 1e-3, 1e2
-"""Typical ratios of loss to storage modulus that tissue, gels and polymers do not leave; kPa beside Pa does."""
-HOTTEST_START = 200.0
-"""Lowest temperature [degC] of a file above which its temperatures are taken for kelvin."""
 _SAME_FREQUENCY = 1e-3
 """Step between sorted logarithms of frequency that starts a new one."""
-SWEEP_GAP = 1.0
-"""Gap between sorted temperatures [K] that starts a new sweep."""
 
 _PASCAL = MODULUS_IN_PASCAL
 
@@ -32,6 +23,7 @@ def _aliases(names: str) -> frozenset[str]:
 
 _STORAGE = _aliases("storagemodulus storage estorage gstorage estor gstor mstor e' g' m' ep gp eprime gprime")
 _LOSS = _aliases("lossmodulus loss eloss gloss mloss e'' g'' m'' epp gpp edoubleprime gdoubleprime")
+_TANGENT = _aliases("tan tand tandelta losstangent lossfactor dampingfactor")
 _MAGNITUDE = _aliases(
     "modulusmagnitude magnitude dynamicmodulus complexmodulus modulus absmodulus e* g* m* |e*| |g*| |m*| |e| |g| |m|"
 )
@@ -56,6 +48,7 @@ _VOCABULARY = (
     Quantity("storage_modulus", "storage_modulus_pa", _STORAGE, _PASCAL),
     Quantity("loss_modulus", "loss_modulus_pa", _LOSS, _PASCAL),
     Quantity("modulus_magnitude", "modulus_magnitude_pa", _MAGNITUDE, _PASCAL),
+    Quantity("loss_tangent", "tan_delta", _TANGENT, {"delta": 1.0, "δ": 1.0}),
     Quantity("storage_modulus_sd", "storage_modulus_sd_pa", _spread(_STORAGE), _PASCAL),
     Quantity("loss_modulus_sd", "loss_modulus_sd_pa", _spread(_LOSS), _PASCAL),
     Quantity("modulus_magnitude_sd", "modulus_magnitude_sd_pa", _spread(_MAGNITUDE), _PASCAL),
@@ -168,8 +161,9 @@ def dma_data(
 def read_dma(path: Path | str, *, trust_units: bool = False) -> DmaData:
     """Read a measurement file.
 
-    Columns: `frequency_hz`, `temperature_c`, `storage_modulus_pa` and `loss_modulus_pa` (or `modulus_magnitude_pa`),
-    optional `storage_modulus_sd_pa`, `loss_modulus_sd_pa`, `modulus_magnitude_sd_pa`, `sample`, `time_s`. Other usual
+    Columns: `frequency_hz`, `temperature_c`, `storage_modulus_pa` and `loss_modulus_pa` (or `modulus_magnitude_pa`; or
+    `tan_delta` beside the storage modulus or the magnitude); optional
+    `storage_modulus_sd_pa`, `loss_modulus_sd_pa`, `modulus_magnitude_sd_pa`, `sample`, `time_s`. Other usual
     headers and units are recognised ("Frequency (Hz)", omega_rad_s, "E' (MPa)", temp_C, ...), as is a row of units.
 
     Args:
@@ -188,10 +182,11 @@ def read_dma(path: Path | str, *, trust_units: bool = False) -> DmaData:
     storage, loss, magnitude = _moduli(columns)
     if len(table.rows) < 2:
         table.refuse("there is only one row; expected a measurement at two frequencies or more.")
-    _check_signs(columns)
+    check_signs(columns)
     if not trust_units:
-        _check_magnitudes(columns)
-    data = DmaData(
+        check_magnitudes(columns)
+    check_time(columns)
+    return DmaData(
         frequency_hz=frequency,
         temperature_c=numbers["temperature"],
         modulus_magnitude=magnitude,
@@ -202,10 +197,8 @@ def read_dma(path: Path | str, *, trust_units: bool = False) -> DmaData:
         modulus_magnitude_sd=numbers.get("modulus_magnitude_sd"),
         time_s=numbers.get("time"),
         sample=columns.labels.get("sample", ()),
-        ignored_columns=columns.ignored,
+        ignored_columns=(*columns.ignored, *_tangent_beside_both(columns)),
     )
-    _check_time(columns, data)
-    return data
 
 
 def group_sweeps(data: DmaData) -> tuple[Sweep, ...]:
@@ -244,15 +237,21 @@ def _frequency(columns: Columns) -> Float[np.ndarray, " n"]:
     )
 
 
+def _tangent_beside_both(columns: Columns) -> tuple[str, ...]:
+    """The header of the loss tangent where both moduli are there: it says nothing more."""
+    both = {"storage_modulus", "loss_modulus", "loss_tangent"} <= columns.numbers.keys()
+    return (columns.header("loss_tangent"),) if both else ()
+
+
 def _moduli(columns: Columns):
     """Storage and loss modulus (None without both) and magnitude."""
-    numbers, table = columns.numbers, columns.table
+    numbers, table = _with_loss(columns.numbers), columns.table
     pair = [name for name in ("storage_modulus", "loss_modulus") if name in numbers]
     if len(pair) == 1 and "modulus_magnitude" not in numbers:
         other = "loss_modulus" if pair == ["storage_modulus"] else "storage_modulus"
         table.refuse(
             f"no column for {other.replace('_', ' ')} beside '{columns.header(pair[0])}'; "
-            f"expected '{other}_pa', or 'modulus_magnitude_pa' alone."
+            f"expected '{other}_pa', or 'tan_delta', or 'modulus_magnitude_pa' alone."
         )
     if not pair and "modulus_magnitude" not in numbers:
         found = ", ".join(repr(header) for header in table.header)
@@ -268,97 +267,24 @@ def _moduli(columns: Columns):
             )
     if len(pair) == 2:
         storage, loss = numbers["storage_modulus"], numbers["loss_modulus"]
+        if not np.any(loss):
+            table.refuse(
+                "the loss is 0 in every row; if the phase was not measured, give 'modulus_magnitude_pa' alone.",
+                column=columns.header("loss_modulus" if "loss_modulus" in columns.numbers else "loss_tangent"),
+            )
         return storage, loss, np.hypot(storage, loss)
     return None, None, numbers["modulus_magnitude"]
 
 
-def _check_signs(columns: Columns) -> None:
-    """Moduli are not negative, standard deviations and magnitudes positive, temperatures above absolute zero."""
-    for name, values in columns.numbers.items():
-        if "modulus" in name:
-            strict = name.endswith("_sd") or name != "loss_modulus"
-            bad = values <= 0.0 if strict else values < 0.0
-            expected = "positive" if strict else "zero or positive"
-        elif name == "temperature":
-            bad, expected = values < -273.15, "above absolute zero, -273.15 degC"
-        else:
-            continue
-        if np.any(bad):
-            row = int(np.argmax(bad))
-            shown = columns.table.rows[row][columns.found[name].index]
-            # Without those rows alone the others show too much loss.
-            mend = (
-                "leave out the range of frequencies or temperatures where noise is as large as the loss, or give "
-                "magnitudes"
-                if name == "loss_modulus"
-                else "remove or correct the row"
-            )
-            columns.table.refuse(
-                f"{name.replace('_', ' ')} {shown} must be {expected}; {mend}.",
-                row=row,
-                column=columns.header(name),
-            )
-
-
-def _check_magnitudes(columns: Columns) -> None:
-    """Refuse numbers that look like kelvin, kPa or MPa under headers that say otherwise."""
-    table = columns.table
-    lowest = float(np.min(columns.numbers["temperature"]))
-    if lowest > HOTTEST_START:
-        table.refuse(
-            f"the lowest temperature is {lowest:g} degC, which looks like kelvin; rename the column "
-            f"'temperature_k', or trust the file's units (--trust-units).",
-            column=columns.header("temperature"),
-        )
-    for name in ("storage_modulus", "modulus_magnitude", "loss_modulus"):
-        if name not in columns.numbers:
-            continue
-        highest = float(np.max(columns.numbers[name]))
-        in_pascal = (columns.found[name].unit or "pa").lower() == "pa"
-        if highest < SOFTEST_PLAUSIBLE and in_pascal and name != "loss_modulus":
-            table.refuse(
-                f"no value is above {highest:g} Pa, which looks like kPa or MPa; name the unit in the header "
-                f"('{name}_kpa'), or trust the file's units (--trust-units).",
-                column=columns.header(name),
-            )
-        if highest > STIFFEST_PLAUSIBLE:
-            table.refuse(
-                f"{highest:.3g} Pa is stiffer than diamond; correct the unit in the header, or trust the file's "
-                f"units (--trust-units).",
-                column=columns.header(name),
-            )
-    _check_ratio(columns)
-
-
-def _check_ratio(columns: Columns) -> None:
-    """Refuse a loss modulus that is in another unit than the storage modulus, by their typical ratio."""
-    if not {"storage_modulus", "loss_modulus"} <= columns.numbers.keys():
-        return
-    lossy = (columns.numbers["loss_modulus"] > 0.0) & (columns.numbers["storage_modulus"] > 0.0)
-    if not np.any(lossy):
-        return
-    tangent = float(np.median(columns.numbers["loss_modulus"][lossy] / columns.numbers["storage_modulus"][lossy]))
-    if not SMALLEST_LOSS_TANGENT < tangent < LARGEST_LOSS_TANGENT:
-        columns.table.refuse(
-            f"the loss modulus is typically {tangent:.2g} of the storage modulus, as if in another unit; name the "
-            f"units in the headers, or trust the file's (--trust-units).",
-            column=columns.header("loss_modulus"),
-        )
-
-
-def _check_time(columns: Columns, data: DmaData) -> None:
-    """Time runs forward within each sample."""
-    if data.time_s is None:
-        return
-    labels = data.sample or ("",) * len(data)
-    for sample in dict.fromkeys(labels):
-        rows = np.flatnonzero([label == sample for label in labels])
-        backward = np.flatnonzero(np.diff(data.time_s[rows]) < 0.0)
-        if backward.size:
-            row = int(rows[backward[0] + 1])
-            columns.table.refuse(
-                f"time {columns.table.rows[row][columns.found['time'].index]} is earlier than in the row before; "
-                f"sort the rows by time.",
-                row=row,
-                column=columns.header("time"),
-            )
+def _with_loss(numbers: dict[str, Float[np.ndarray, " n"]]) -> dict[str, Float[np.ndarray, " n"]]:
+    """Moduli with those that follow from a loss tangent, where one of the two is missing."""
+    if "loss_tangent" not in numbers or {"storage_modulus", "loss_modulus"} <= numbers.keys():
+        return numbers
+    tangent = numbers["loss_tangent"]
+    if "storage_modulus" in numbers:
+        storage = numbers["storage_modulus"]
+    elif "modulus_magnitude" in numbers:
+        storage = numbers["modulus_magnitude"] / np.sqrt(1.0 + tangent**2)
+    else:
+        return numbers
+    return {**numbers, "storage_modulus": storage, "loss_modulus": storage * tangent}

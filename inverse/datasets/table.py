@@ -28,6 +28,9 @@ TEMPERATURE_UNITS = {
 TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 """Seconds per unit of time by the unit's name in lower case."""
 _TOO_LARGE = 1e150  # squares of larger numbers overflow
+_WITH_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
+_WITH_POINT = re.compile(r"[-+]?\d+\.\d+([eE][-+]?\d+)?")
+_WITH_THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+")
 NO_UNIT = ("", "-", "1", "none")
 
 
@@ -71,12 +74,14 @@ class Table:
         header: Names of the columns.
         rows: Cells, stripped of blanks.
         lines: Line number of each row in the file, counted from 1.
+        decimal_comma: Whether numbers are written as 1,5: the file has semicolons between cells and no number as 1.5.
     """
 
     path: Path
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
+    decimal_comma: bool = False
 
     def refuse(self, problem: str, *, row: int | None = None, column: str | None = None) -> NoReturn:
         """Raise `InputError` about a place in this file, in one line."""
@@ -136,14 +141,26 @@ def read_table(path: Path) -> Table:
         refuse(path, "the file holds no data; expected a header line and rows of numbers.")
     delimiter = max(DELIMITERS, key=lines[0][1].count)
     if delimiter not in lines[0][1]:
-        refuse(path, "no comma, semicolon or tab in the header; save the table as CSV.", line=lines[0][0])
+        later = any(one in line for one in DELIMITERS for _, line in lines[1:])
+        mend = "begin lines before the header with '#', or remove them" if later else "save the table as CSV"
+        refuse(path, f"no comma, semicolon or tab in the header; {mend}.", line=lines[0][0])
     try:
         cells = [tuple(c.strip() for c in row) for row in csv.reader((t for _, t in lines), delimiter=delimiter)]
     except csv.Error as error:
         refuse(path, f"not readable as CSV ({error}); save the table as CSV.")
     table = Table(path, cells[0], tuple(cells[1:]), tuple(number for number, _ in lines[1:]))
     _check_shape(table, [number for number, _ in lines], len(cells))
-    return table
+    filled = [place for place, row in enumerate(table.rows) if any(row)]
+    rows = tuple(table.rows[place] for place in filled)
+    numbers = [cell for row in rows for cell in row]
+    return dataclasses.replace(
+        table,
+        rows=rows,
+        lines=tuple(table.lines[place] for place in filled),
+        decimal_comma=delimiter == ";"
+        and any(_WITH_COMMA.fullmatch(cell) for cell in numbers)
+        and not any(_WITH_POINT.fullmatch(cell) for cell in numbers),
+    )
 
 
 def read_columns(path: Path, vocabulary: Sequence[Quantity], required: Sequence[str]) -> Columns:
@@ -309,7 +326,7 @@ def _units_row(table: Table, vocabulary: Sequence[Quantity]) -> tuple[str, ...] 
         recognised = _recognise(header, vocabulary, unit)
         if recognised is None or recognised[0].text:
             continue
-        if _parse(cell) is not None:
+        if _parse(cell, table) is not None:
             return None
         hits += unit.lower() in recognised[0].units
     return tuple(cell.strip("()[]") for cell in first) if hits else None
@@ -319,10 +336,11 @@ def _numbers(table: Table, column: Column) -> Float[np.ndarray, " n"]:
     values = np.empty(len(table.rows))
     for index, row in enumerate(table.rows):
         cell = row[column.index]
-        value = _parse(cell)
+        value = _parse(cell, table)
         if value is None:
             shown = f"'{shortened(cell)}' is not a number" if cell else "the cell is empty"
-            hint = "; write decimals with a point" if re.fullmatch(r"[-+]?\d+,\d+", cell) else ""
+            hint = "; write decimals with a point" if _WITH_COMMA.fullmatch(cell) else ""
+            hint = "; write numbers without commas between thousands" if _WITH_THOUSANDS.fullmatch(cell) else hint
             table.refuse(f"{shown}; expected a finite number{hint}.", row=index, column=column.header)
         if not np.isfinite(value):
             table.refuse(f"'{shortened(cell)}' is not finite; remove the row.", row=index, column=column.header)
@@ -342,7 +360,9 @@ def _numbers(table: Table, column: Column) -> Float[np.ndarray, " n"]:
     return converted
 
 
-def _parse(cell: str) -> float | None:
+def _parse(cell: str, table: Table) -> float | None:
+    if table.decimal_comma and _WITH_COMMA.fullmatch(cell):
+        cell = cell.replace(",", ".")
     try:
         return None if "_" in cell else float(cell)
     except ValueError:

@@ -6,7 +6,8 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from inverse.datasets.dma import SWEEP_GAP, DmaData
+from inverse.datasets.dma import DmaData
+from inverse.datasets.dma_checks import SWEEP_GAP
 
 _DECADE = 10.0
 _A_DECADE = 7

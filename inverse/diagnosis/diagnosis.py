@@ -13,7 +13,7 @@ from inverse.diagnosis.decision import Decision
 from inverse.diagnosis.examination import DETECTABLE, Examined, FullFit, NotTestable
 from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.noise_gate import NoiseGate, Repeats, noise_gate
+from inverse.diagnosis.noise_gate import Coordinates, NoiseGate, Repeats, noise_gate
 from inverse.diagnosis.regression import Regression
 from inverse.diagnosis.screening import Screen
 from inverse.diagnosis.where import Absorbed, Axis, Whiteness, absorbed_by_places, whiteness
@@ -183,6 +183,7 @@ def conclude(
     level: float,
     seed: int,
     replicates: int,
+    coordinates: Coordinates | None = None,
     followed: int | None = None,
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
@@ -200,6 +201,7 @@ def conclude(
         level: Of the omnibus test.
         seed: Of every random number, for the record.
         replicates: Of noise alone.
+        coordinates: Of the residuals, where readings have several.
         followed: How many of the causes that stay possible, those that fit best, have the ends of their intervals
             searched for beside what was found; all, if not said.
         on_step: Told what is being done.
@@ -225,7 +227,7 @@ def conclude(
     reports = _reports(examined, decision, extended, alone, spread, sought)
     gate = noise_gate(
         Screen(directions, (), examined.family), left, rng,
-        stated=account.stated_deviations, repeats=repeats, replicates=replicates,
+        stated=account.stated_deviations, repeats=repeats, coordinates=coordinates, replicates=replicates,
     )  # fmt: skip
     if verdict == "adequate" and not gate.as_thought:
         verdict = "noise-model"
@@ -240,18 +242,19 @@ def conclude(
         not_testable=examined.not_testable,
         noise=gate,
         residuals_whiteness=whiteness(axes, examined.residuals, examined.fitted, rng),
-        places=absorbed_by_places(decision.last, examined.places, left, directions),
+        places=absorbed_by_places(decision.last, examined.places),
         extended=extended,
         gain=worth,
-        audit=(*audit, *_of_curvature(settled, sought, added)),
+        audit=(*audit, *_of_curvature(decision, sought, added)),
         seed=seed,
     )
 
 
-def _of_curvature(settled: Sequence[str], sought: Sequence[str], added: Sequence[Extension]) -> list[str]:
+def _of_curvature(decision: Decision, sought: Sequence[str], added: Sequence[Extension]) -> list[str]:
     """That some intervals are what the curvature of a fit says."""
     inside = {extension.cause.name for extension in added}
-    others = [name for name in settled if name not in sought and name not in inside]
+    looked_at = (name for name in decision.candidates if name in decision.possible)
+    others = [name for name in looked_at if name not in sought and name not in inside]
     if not others:
         return []
     return [
@@ -326,7 +329,8 @@ def _report(
 ) -> CauseReport:
     extension, row = examined.extension(name), examined.row(name)
     tested = examined.alternative(name)
-    alone = Regression(examined.residuals, examined.fitted, examined.family[decision.omnibus.null_noise])
+    # In the noise that its t is of.
+    alone = Regression(examined.residuals, examined.fitted, examined.family[decision.omnibus.noises[row]])
     estimate, interval = alone.strength(tested.directions[:, 0])
     estimate = max(estimate, 0.0) if tested.sign > 0 else min(estimate, 0.0) if tested.sign < 0 else estimate
     # Where a strength comes out on the side that was not tested, none is the best that there can be.

@@ -22,9 +22,12 @@ class DmaAccount:
 
     Attributes:
         problem: These.
+        null: Constants of every sweep without causes, as `DmaProblem.constants`, in the noise that refits with causes
+            begin from.
     """
 
     problem: DmaProblem
+    null: Float[np.ndarray, "sweep 4"]
 
     @property
     def model(self) -> str:
@@ -68,8 +71,8 @@ class DmaAccount:
         # The order of a conventional solid is no constant, unless a cause makes it one.
         has_order = self.problem.model.fractional or bool(np.any(found[:, 3] != 1.0))
         columns = _COLUMNS if has_order else _COLUMNS[:-1]
-        values = np.stack([self.problem.constants, found], axis=-1).tolist()
-        at_end = np.stack([self._at_end(self.problem.constants), self._at_end(extended.constants)], axis=-1).tolist()
+        values = np.stack([self.null, found], axis=-1).tolist()
+        at_end = np.stack([self._at_end(self.null), self._at_end(extended.constants)], axis=-1).tolist()
         return [
             FittedConstant(name, unit, sweep.label, *values[row][place], *at_end[row][place])
             for row, sweep in enumerate(self.problem.sweeps)

@@ -15,7 +15,8 @@ from inverse.diagnosis.examination import FullFit
 from inverse.diagnosis.gain import Gain, held_out_gain
 from inverse.diagnosis.level import require_level
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.noise_gate import Repeats
+from inverse.diagnosis.noise_gate import Coordinates, Repeats
+from inverse.diagnosis.outlying import outlying, said_of
 from inverse.diagnosis.where import Axis
 from inverse.dma_fit import FRACTIONAL, ZenerModel
 
@@ -53,7 +54,9 @@ def diagnose_dma(
     problem = dma_problem(data, model, seed=seed)
     audit = _audit(problem)
     if not all(fit.converged for fit in problem.fits):
-        return failed(DmaAccount(problem), problem, problem.residuals(), audit, level=level, seed=seed)
+        return failed(
+            DmaAccount(problem, problem.constants), problem, problem.residuals(), audit, level=level, seed=seed
+        )
     on_step("testing all causes")
     rng = np.random.default_rng(seed)
     examined = examine_dma(problem, causes, rng, level=level, replicates=replicates)
@@ -63,12 +66,13 @@ def diagnose_dma(
 
     return conclude(
         examined,
-        DmaAccount(problem),
+        DmaAccount(problem, examined.constants),
         problem,
         rng,
         audit=(*audit, *examined.remarks),
         axes=_axes(problem),
         repeats=repeats_of(problem),
+        coordinates=_coordinates(problem),
         gain=worth if gain else None,
         level=level,
         seed=seed,
@@ -86,7 +90,21 @@ def _audit(problem: DmaProblem) -> tuple[str, ...]:
         elif fit.n_agreeing < 2:
             remarks.append(f"{fit.sweep.label}: only one of {fit.n_starts} starts reached the best fit.")
         remarks += [f"{fit.sweep.label}: {warning}" for warning in fit.warnings if fit.converged]
-    return tuple(remarks)
+    return (*remarks, *_slips(problem))
+
+
+def _slips(problem: DmaProblem) -> tuple[str, ...]:
+    """Readings that hold the misfit."""
+    of_rows = np.repeat(np.arange(problem.rows), problem.weights.shape[1])
+    found, share = outlying(problem.residuals(), problem.fitted_directions(), of_rows)
+    frequency, sweep = problem.frequencies()[:: problem.weights.shape[1]], np.asarray(problem.conditions.sweep)
+    places = []
+    for one in found:
+        off = one.amount / problem.weights[one.reading]
+        phase = f" and a phase {1e3 * off[1]:+.3g} mrad" if problem.has_phase else ""
+        label = f"{frequency[one.reading]:.3g} Hz at {problem.sweeps[sweep[one.reading]].label}"
+        places.append(f"{label}, of a magnitude {100.0 * np.expm1(off[0]):+.3g} %{phase} off what the others say")
+    return said_of(places, share)
 
 
 def _axes(problem: DmaProblem) -> tuple[Axis, ...]:
@@ -108,6 +126,12 @@ def _axes(problem: DmaProblem) -> tuple[Axis, ...]:
         axis("temperature", same, problem.conditions.temperature),
         axis("time", sweep, problem.conditions.time),
     )
+
+
+def _coordinates(problem: DmaProblem) -> Coordinates:
+    """The logarithm of the magnitude and the phase, which are of one size where the noise of the modulus is round."""
+    names = ("the magnitude", "the phase [rad]")[: problem.weights.shape[1]]
+    return Coordinates(names, np.tile(np.arange(len(names)), problem.rows))
 
 
 def repeats_of(problem: DmaProblem) -> Repeats:

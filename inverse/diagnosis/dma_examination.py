@@ -16,6 +16,17 @@ from inverse.diagnosis.noise import Noise, noise_family
 from inverse.diagnosis.screening import Alternative, Screen
 
 
+@dataclasses.dataclass(frozen=True)
+class ExaminedDma(Examined):
+    """A dynamic mechanical analysis examined.
+
+    Attributes:
+        constants: Of every sweep without causes, in the likeliest kind of noise; as `DmaProblem.constants`.
+    """
+
+    constants: Float[np.ndarray, "sweep 4"]
+
+
 def examine_dma(
     problem: DmaProblem,
     causes: Sequence[DmaCause],
@@ -24,7 +35,7 @@ def examine_dma(
     level: float = 0.05,
     replicates: int | None = None,
     program: Sequence[DmaCause] = (),
-) -> Examined:
+) -> ExaminedDma:
     """Test every cause and every free form on a fitted data set.
 
     Args:
@@ -54,8 +65,18 @@ def examine_dma(
     decision = decide(
         residuals, fitted, seen, free_forms, family, rng, extend=extend, level=level, replicates=replicates
     )
-    return Examined(
-        tuple(causes), residuals, fitted, tuple(seen), not_testable, tuple(places), family, decision, fit, remarks
+    return ExaminedDma(
+        causes=tuple(causes),
+        residuals=residuals,
+        fitted=fitted,
+        seen=tuple(seen),
+        not_testable=not_testable,
+        places=tuple(places),
+        family=family,
+        decision=decision,
+        fit=fit,
+        remarks=remarks,
+        constants=constants,
     )
 
 

@@ -41,6 +41,7 @@ class DmaProblem:
         weights: One over the standard deviation of each coordinate, where the data give it, and 1 elsewhere.
         stated_deviations: Whether the data give them.
         notes: What was assumed, for the report.
+        seed: Of the starts of every fit.
     """
 
     sweeps: tuple[Sweep, ...]
@@ -51,6 +52,7 @@ class DmaProblem:
     weights: Float[np.ndarray, "row coordinate"]
     stated_deviations: bool
     notes: tuple[str, ...]
+    seed: int
 
     @property
     def rows(self) -> int:
@@ -80,7 +82,8 @@ class DmaProblem:
             data = whole.data.select(np.flatnonzero(used[sweep == index]))
             parts.append(dataclasses.replace(whole, data=data))
         longest = max(len(whole.data) for whole in self.sweeps)
-        return _moved(fit_sweeps(parts, models=(self.model,), residuals=(_RESIDUAL,), padded_to=longest).fits)
+        fit = fit_sweeps(parts, models=(self.model,), residuals=(_RESIDUAL,), seed=self.seed, padded_to=longest)
+        return _moved(fit.fits)
 
     @property
     def measured(self) -> Float[np.ndarray, "row coordinate"]:
@@ -148,7 +151,9 @@ def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: in
     Raises:
         InputError: if there are too few data; see `usable_sweeps`.
     """
+    data, copies = without_copies(data)
     data, notes = _with_time(data)
+    notes = (*copies, *notes)
     needed, sweeps = len(model.constants()), usable_sweeps(data, model)
     fit = fit_sweeps(sweeps, models=(model,), residuals=(_RESIDUAL,), seed=seed, n_starts=n_starts)
     weights, stated = _weights(sweeps)
@@ -166,7 +171,21 @@ def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: in
         weights=weights,
         stated_deviations=stated,
         notes=notes,
+        seed=seed,
     )
+
+
+def without_copies(data: DmaData) -> tuple[DmaData, tuple[str, ...]]:
+    """Rows of which another one says the same in every column are no readings; and what is to be said of them."""
+    columns = [data.frequency_hz, data.temperature_c, data.modulus_magnitude, data.storage_modulus, data.loss_modulus]
+    columns += [data.time_s, np.asarray(data.sample or ("",) * len(data))]
+    rows = list(zip(*(one.tolist() for one in columns if one is not None), strict=True))
+    kept = np.array(sorted({row: place for place, row in reversed(list(enumerate(rows)))}.values()))
+    if len(kept) == len(rows):
+        return data, ()
+    count = len(rows) - len(kept)
+    copies = f"{count} rows repeat others in every column and are" if count > 1 else "One row repeats another and is"
+    return data.select(kept), (f"{copies} left out: a reading that is written twice is one.",)
 
 
 def usable_sweeps(data: DmaData, model: ZenerModel) -> tuple[Sweep, ...]:

@@ -31,6 +31,8 @@ class Evidence:
     Attributes:
         p_value: That noise alone gives something as improbable; where replicates are averaged, times `ALLOWANCE`.
         statistic: Minus the logarithm of the smallest calibrated p-value, over what noise alone gives in one of twenty.
+        residuals: What was looked at.
+        fitted: Orthonormal columns that span the derivatives in everything that had been fitted.
         alternatives: What was tested.
         log_p: Logarithm of the p-value of each alternative alone.
         p_family: That noise alone gives any alternative as improbable a value, with the same allowance.
@@ -45,6 +47,8 @@ class Evidence:
 
     p_value: float
     statistic: float
+    residuals: Float[np.ndarray, " n"]
+    fitted: Float[np.ndarray, "n p"]
     alternatives: tuple[Alternative, ...]
     log_p: Float[np.ndarray, " alternative"]
     p_family: Float[np.ndarray, " alternative"]
@@ -125,6 +129,8 @@ def evidence(
     return Evidence(
         p_value=float(np.min(p_family, initial=1.0)),
         statistic=float(-smallest[0]),
+        residuals=residuals,
+        fitted=screen.fitted,
         alternatives=screen.alternatives,
         log_p=found.log_p[:, 0],
         p_family=p_family,

@@ -104,7 +104,7 @@ class Examined:
     family: tuple[Noise, ...]
     decision: Decision
     fit: FitFull
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...]
 
     def extension(self, name: str) -> Extension:
         """The cause of this name in its most probable shape."""
@@ -176,7 +176,8 @@ def visible_alternatives(
         elif visible[best] < LEAST_VISIBILITY:
             why = f"the fitted constants imitate all but {100.0 * visible[best]:.2g} % of its effect"
         else:
-            nearest = int(np.argmin(np.array(detectable) / np.array(most)))
+            missed = np.array(detectable) / np.array(most)
+            nearest = int(np.argmin(np.where(np.array(visible) < LEAST_VISIBILITY, np.inf, missed)))
             why = _too_weak(cause, shapes[nearest].sign, detectable[nearest])
         hidden.append(NotTestable(cause.name, why, cause.helps))
     return seen, tuple(hidden)

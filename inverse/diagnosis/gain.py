@@ -13,7 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from inverse.datasets.dma import SWEEP_GAP, frequency_groups
+from inverse.datasets.dma import frequency_groups
+from inverse.datasets.dma_checks import SWEEP_GAP
 from inverse.diagnosis.cause import DmaCause, Extension
 from inverse.diagnosis.dma_problem import LEAST_SPARE, DmaProblem
 from inverse.diagnosis.extended_fit import Refit
@@ -90,9 +91,7 @@ def held_out_gain(
     groups = np.unique([fold.group for fold in folds])
     if len(folds) < LEAST_FOLDS or len(groups) < 2:
         return None
-    scored = _scored(null, extended, noise, start, folds)
-    before, after = [one[0] for one in scored], [one[1] for one in scored]
-    unfinished = sum(one[2] for one in scored)
+    before, after, unfinished = _scored(null, extended, noise, start, folds)
     return summed_up(split, before, after, [fold.group for fold in folds], unfinished)
 
 
@@ -191,27 +190,29 @@ def _blocks(rank: Int[np.ndarray, " row"], count: int) -> Int[np.ndarray, " row"
 
 def _scored(
     null: Refit, extended: Refit, noise: Noise, start: Float[np.ndarray, " extension"], folds: Sequence[_Fold]
-) -> list[tuple[Scored, Scored, int]]:
-    """For each fold the score before and after, and how many of its refits did not converge."""
-    found: list[tuple[Scored, Scored, int]] = []
+) -> tuple[list[Scored], list[Scored], int]:
+    """For each fold the score before and after; and how many refits did not converge, of which folds may share some."""
+    before, after, lost = [], [], 0
     without, strengths = {}, {}
     for fold in folds:
         # From constants that the fold finds by itself: those of the fit to everything have seen the rows left out.
         if (key := fold.constants.tobytes()) not in without:
             own = null.own_constants(fold.constants)
-            without[key] = (own, *null.solve(np.zeros(0), fold.constants, constants=own)[:2])
-        own, before, fine = without[key]
+            plain, well, _ = null.solve(np.zeros(0), fold.constants, constants=own)
+            without[key] = own, plain
+            lost += not well
+        own, plain = without[key]
         if np.array_equal(fold.strength, fold.constants):
-            after, well, _ = extended.solve(start, fold.constants, constants=own)
+            added, well, _ = extended.solve(start, fold.constants, constants=own)
         else:
             if (key := fold.strength.tobytes()) not in strengths:
-                strengths[key] = extended.solve(start, fold.strength)[:2]
-            told, told_well = strengths[key]
-            after, well, _ = extended.solve_constants(told, fold.constants & ~fold.strength, constants=own)
-            well = well and told_well
-        lost = int(not fine) + int(not well)
-        found.append((_score(null, noise, before, fold), _score(extended, noise, after, fold), lost))
-    return found
+                strengths[key], well, _ = extended.solve(start, fold.strength)
+                lost += not well
+            added, well, _ = extended.solve_constants(strengths[key], fold.constants & ~fold.strength, constants=own)
+        lost += not well
+        before.append(_score(null, noise, plain, fold))
+        after.append(_score(extended, noise, added, fold))
+    return before, after, int(lost)
 
 
 def _score(refit: Refit, noise: Noise, unknowns: Float[np.ndarray, " unknown"], fold: _Fold) -> Scored:

@@ -3,7 +3,7 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy import stats
 
 from inverse.diagnosis.screening import Screen
@@ -28,6 +28,19 @@ class Repeats:
 
 
 @dataclasses.dataclass(frozen=True)
+class Coordinates:
+    """What each residual is of, where a reading has several numbers.
+
+    Attributes:
+        names: In words.
+        which: Place of each residual's in `names`.
+    """
+
+    names: tuple[str, ...]
+    which: Int[np.ndarray, " n"]
+
+
+@dataclasses.dataclass(frozen=True)
 class NoiseGate:
     """What is known about the noise.
 
@@ -37,18 +50,23 @@ class NoiseGate:
         size: Standard deviation of the residuals, in units of the stated ones, or relative where none are stated [1];
             of readings alone, where what is believed of constants is among the data.
         p_size: That noise of the stated size leaves residuals as large, or as small; NaN where none is stated.
-        excess_kurtosis: Of the whitened residuals; 0 for Gaussian noise.
+        sizes: The size of each coordinate by its name; empty where readings have one.
+        p_sizes: That noise which weighs all alike leaves sizes as unlike; NaN where readings have one coordinate.
+        excess_kurtosis: Of the whitened residuals, each coordinate by its own size if these differ; 0 for Gaussian
+            noise.
         p_tails: That Gaussian noise has as heavy tails.
         repeats: Scatter of repeated measurements at the same frequency and sweep, in the unit of `size`; NaN without.
         repeats_freedom: Degrees of freedom of that scatter.
         p_repeats: That noise which scatters repeats so leaves residuals as large: the classical test of lack of fit;
-            NaN without repeats.
+            NaN without repeats, and for those that are the same reading written again.
     """
 
     kind: str
     p_white: float
     size: float
     p_size: float
+    sizes: dict[str, float]
+    p_sizes: float
     excess_kurtosis: float
     p_tails: float
     repeats: float
@@ -58,20 +76,26 @@ class NoiseGate:
     @property
     def as_thought(self) -> bool:
         """Whether white Gaussian noise would do, of the stated size if one is stated, as large as repeats scatter."""
-        return bool(np.nanmin([self.p_white, self.p_size, self.p_tails, self.p_repeats]) >= GATE_LEVEL)
+        asked = [self.p_white, self.p_size, self.p_sizes, self.p_tails, self.p_repeats]
+        return bool(np.nanmin(asked) >= GATE_LEVEL)
 
     def describe(self) -> str:
         """In words."""
-        words = [f"the noise is {self.kind}"]
-        if self.p_white >= GATE_LEVEL:
-            words = ["nothing says that the noise is not white and of one size"]
+        words = []
+        if self.p_white < GATE_LEVEL:
+            words.append(self.kind)
         if self.p_size < GATE_LEVEL:
             words.append(f"{self.size:.2f} times the stated standard deviations")
+        if self.p_sizes < GATE_LEVEL:
+            each = " and ".join(f"{size:.2g} in {name}" for name, size in self.sizes.items())
+            words.append(f"of size {each}, where they weigh alike")
         if self.p_tails < GATE_LEVEL:
-            words.append(f"with tails heavier than Gaussian (excess kurtosis {self.excess_kurtosis:.1f})")
+            words.append(f"of tails heavier than Gaussian (excess kurtosis {self.excess_kurtosis:.1f})")
         if self.p_repeats < GATE_LEVEL:
             words.append(f"{self.size / self.repeats:.2f} times as large as repeated readings scatter")
-        return ", ".join(words)
+        if not words:
+            return "nothing says that the noise is not white and of one size"
+        return f"the noise is {', '.join(words)}"
 
 
 def noise_gate(
@@ -81,6 +105,7 @@ def noise_gate(
     *,
     stated: bool,
     repeats: Repeats | None = None,
+    coordinates: Coordinates | None = None,
     replicates: int = 400,
 ) -> NoiseGate:
     """Examine the residuals of a model that is taken to be right.
@@ -91,6 +116,7 @@ def noise_gate(
         rng: For replicates of white Gaussian noise.
         stated: Whether the residuals are in units of deviations that the data give.
         repeats: Scatter of repeated readings, if there are any.
+        coordinates: Of the residuals, where readings have several.
         replicates: How many.
     """
     readings = len(residuals) - screen.family[0].beliefs
@@ -98,19 +124,36 @@ def noise_gate(
     white = rng.standard_normal((len(residuals), replicates))
     white[readings:] *= width
     gain, member, left = screen.noise_evidence(np.concatenate([residuals[:, None], white], axis=1))
-    kurtosis = stats.kurtosis(left[:readings], axis=0)
+    left = left[:readings]
+    sizes, p_sizes = {}, np.nan
+    if coordinates is not None and len(coordinates.names) > 1:
+        of_each = _sizes(left, coordinates)
+        p_sizes = _upper(np.log(of_each.max(axis=0) / of_each.min(axis=0)))
+        whole = np.sqrt(np.mean(left[:, 0] ** 2))
+        sizes = dict(zip(coordinates.names, (size * of_each[:, 0] / whole).tolist(), strict=True))
+        if p_sizes < GATE_LEVEL:
+            left = left / of_each[coordinates.which]
+    kurtosis = stats.kurtosis(left, axis=0)
     again = Repeats(np.nan, 0) if repeats is None else repeats
     return NoiseGate(
         kind=screen.family[member[0]].describe(),
         p_white=_upper(gain),
         size=size,
         p_size=_as_far(size**2 * freedom, freedom) if stated else np.nan,
+        sizes=sizes,
+        p_sizes=p_sizes,
         excess_kurtosis=float(kurtosis[0]),
         p_tails=_upper(kurtosis),
         repeats=again.scatter,
         repeats_freedom=again.freedom,
         p_repeats=_lack_of_fit(size, freedom, again),
     )
+
+
+def _sizes(left: Float[np.ndarray, "n batch"], coordinates: Coordinates) -> Float[np.ndarray, "coordinate batch"]:
+    """Root mean square of each coordinate's residuals."""
+    parts = [left[coordinates.which == one] for one in range(len(coordinates.names))]
+    return np.maximum(np.stack([np.sqrt(np.mean(part**2, axis=0)) for part in parts]), 1e-300)
 
 
 def _as_far(square: float, freedom: float) -> float:

@@ -1,21 +1,16 @@
-"""A diagnosis in words and as JSON."""
+"""A diagnosis in words."""
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 from inverse.diagnosis.constants import FittedConstant, as_table
 from inverse.diagnosis.decision import REPLICATES, Decision
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
 from inverse.diagnosis.evidence import ALLOWANCE, Evidence
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
+from inverse.diagnosis.noise_gate import GATE_LEVEL
 from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL, least_p
-from inverse.diagnosis.where import Absorbed
-from inverse.output import finite
-from inverse.software import versions
-
-SCHEMA_VERSION = 6
-"""Of diagnosis.json; keys do not change without a new number."""
+from inverse.diagnosis.where import LEAST_OF_WHITENESS, Absorbed
 
 _VERDICTS = {
     "adequate": "Nothing is wrong that these data could show.",
@@ -28,49 +23,10 @@ _VERDICTS = {
 }
 
 
-def as_json(found: Diagnosis, remarks: Sequence[str] = ()) -> dict[str, Any]:
-    """What diagnosis.json holds, remarks on the file among its notes; numbers that are not finite become null."""
-    omnibus = found.decision.omnibus if found.decision is not None else None
-    content = {
-        "schema_version": SCHEMA_VERSION,
-        "verdict": found.verdict,
-        "level": found.level,
-        "omnibus": {
-            "statistic": omnibus.statistic if omnibus else None,
-            "p_value": omnibus.p_value if omnibus else None,
-            "lead_of_free_forms": found.decision.lead if found.decision is not None else None,
-        },
-        "causes": [_cause(one) for one in found.causes],
-        "named": list(found.named),
-        "confusable": [list(names) for names in found.confusable],
-        "explanations": [list(names) for names in found.decision.explanations] if found.decision is not None else [],
-        "not_testable": [
-            {"name": one.name, "why": one.why, "what_would_help": one.what_would_help} for one in found.not_testable
-        ],
-        "gain": None if found.gain is None else vars(found.gain),
-        "constants": [vars(one) for one in _constants(found)],
-        "noise": None if found.noise is None else {**vars(found.noise), "words": found.noise.describe()},
-        "where": [_absorbed(one) for one in _once(found.places)],
-        "links": [_absorbed(one) for one in links_of(found)],
-        "whiteness": [vars(one) for one in found.residuals_whiteness],
-        "unexplained": unexplained(found),
-        "audit": list(found.audit),
-        "notes": [*remarks, *found.account.notes],
-        "model": found.account.model,
-        "seed": found.seed,
-        "versions": versions(),
-    }
-    return finite(content)
-
-
-def _absorbed(one: Absorbed) -> dict[str, Any]:
-    return {"words": one.words, "share": one.share, "p_value": one.p_family}
-
-
 _PLACES = 5
 
 
-def _once(places: Sequence[Absorbed]) -> list[Absorbed]:
+def once(places: Sequence[Absorbed]) -> list[Absorbed]:
     """The likeliest; of a coarse and a fine form of the same words the likelier."""
     found: dict[str, Absorbed] = {}
     for one in places:
@@ -179,11 +135,11 @@ def _named(found: Diagnosis, apart: Sequence[str]) -> list[str]:
             f"from {_percent(gain.rmse_before, gain.rmse_before_error)} to "
             f"{_percent(gain.rmse_after, gain.rmse_after_error)} % (root mean square); the log "
             f"score {course} by {abs(gain.log_score_gain):.3g} ± {gain.standard_error:.2g} nat a datum. A gain proves "
-            f"no cause: wrong ones gain, too, in most cases. The name rests on the tests.",
+            f"no cause: wrong ones gain, too, in most cases. What is said of causes rests on the tests.",
             f"{gain.unfinished} of the refits did not converge." if gain.unfinished else "",
             "",
         ]
-    if constants := _constants(found):
+    if constants := constants_of(found):
         lines += [f"Constants without and with {' and '.join(_put_in(found))}:", "", *as_table(constants), ""]
     return ["## What is wrong", "", *lines, ""] if lines else []
 
@@ -243,7 +199,7 @@ def _percent(value: float, error: float) -> str:
     return f"{100.0 * value:.3g} ± {100.0 * error:.2g}"
 
 
-def _constants(found: Diagnosis) -> list[FittedConstant]:
+def constants_of(found: Diagnosis) -> list[FittedConstant]:
     """How the fitted constants move when the extension is in the model; none where nothing was put into it."""
     return [] if found.extended is None else found.account.constants(found.extended)
 
@@ -274,7 +230,7 @@ def _table(found: Diagnosis) -> list[str]:
     both = _put_in(found)
     lines += [
         f"| {one.cause.name} | {one.cause.place} | {one.statistic:.2f} | {_p(one.p_value, least)} | {one.p_alone:.2g} "
-        f"| {'–' if one.left is None else f'{one.left:.2g}'} "
+        f"| {_rest(found, one)} "
         f"| {one.estimate:.3g} | {one.interval[0]:.3g} to {one.interval[1]:.3g} | {one.detectability:.3g} "
         f"| {one.cause.unit} | {one.status}{'' if one.converged else ' (the refit did not converge)'} |"
         for one in found.causes
@@ -299,6 +255,13 @@ def _put_in(found: Diagnosis) -> list[str]:
     return [extension.cause.name for extension in found.extended.extensions] if found.extended is not None else []
 
 
+def _rest(found: Diagnosis, one: CauseReport) -> str:
+    """P of what the model with a cause leaves, if it was put in."""
+    if one.left is None or found.decision is None:
+        return "–"
+    return _p(one.left, found.decision.tests[one.cause.name].least_p)
+
+
 def _p(value: float, least: float, equal: str = "") -> str:
     """A p-value, or that it is at most the least that the replicates can show."""
     return f"≤ {value:.2g}" if value <= 1.001 * least else f"{equal}{value:.3g}"
@@ -314,12 +277,15 @@ def _where(found: Diagnosis) -> list[str]:
         "| free correction | share of the misfit that it absorbs | p |",
         "| --- | ---: | ---: |",
     ]
-    places = _once(found.places)
+    places = once(found.places)
     least = found.decision.last.least_p if found.decision is not None else 0.0
     lines += [f"| {one.words} | {100.0 * one.share:.0f} % | {_p(one.p_family, least)} |" for one in places]
     lines += ["", "Residuals of the model without causes:", ""]
     lines += ["| neighbours along | correlation of residuals | p |", "| --- | ---: | ---: |"]
-    lines += [f"| {one.along} | {one.correlation:+.2f} | {one.p_value:.3g} |" for one in found.residuals_whiteness]
+    lines += [
+        f"| {one.along} | {one.correlation:+.2f} | {_p(one.p_value, LEAST_OF_WHITENESS)} |"
+        for one in found.residuals_whiteness
+    ]
     lines = [*lines, "", *_links(found)]
     return lines if found.places or found.residuals_whiteness else []
 
@@ -354,12 +320,19 @@ def _noise(found: Diagnosis) -> list[str]:
     unit = "times the stated deviations" if found.account.stated_deviations else "relative"
     lines = [
         f"{gate.describe()[0].upper()}{gate.describe()[1:]}; size {gate.size:.3g} ({unit}). White noise of one size "
-        f"looks so with p = {gate.p_white:.2g}, Gaussian noise has such tails with p = {gate.p_tails:.2g}."
+        f"looks so with p = {gate.p_white:.2g}, Gaussian noise has such tails with p = {gate.p_tails:.2g} (each counts "
+        f"below {GATE_LEVEL:g})."
     ]
+    if gate.p_sizes < GATE_LEVEL:
+        lines += ["Standard deviations in the file would weigh each by its own size."]
     if gate.repeats_freedom:
         lines += [
-            f"Repeated measurements scatter by {gate.repeats:.3g} ({gate.repeats_freedom} degrees of freedom); that "
-            f"noise leaves residuals as large with p = {gate.p_repeats:.2g} (lack of fit)."
+            f"Repeated measurements scatter by {gate.repeats:.3g} ({gate.repeats_freedom} degrees of freedom); "
+            + (
+                "they are the same readings written again, and say nothing of the noise."
+                if math.isnan(gate.p_repeats)
+                else f"that noise leaves residuals as large with p = {gate.p_repeats:.2g} (lack of fit)."
+            )
         ]
     if not gate.as_thought:
         lines += [
@@ -373,24 +346,3 @@ def _hidden(found: Diagnosis) -> list[str]:
         return []
     lines = [f"- **{one.name}**: {one.why}. {one.what_would_help}" for one in found.not_testable]
     return ["## What these data cannot see", "", *lines, ""]
-
-
-def _cause(one: CauseReport) -> dict[str, Any]:
-    return {
-        "name": one.cause.name,
-        "place": one.cause.place,
-        "p_value": one.p_value,
-        "p_value_alone": one.p_alone,
-        "statistic": one.statistic,
-        "estimate": one.estimate,
-        "interval": list(one.interval),
-        "unit": one.cause.unit,
-        "shape": one.shape,
-        "shape_means": one.cause.shape_means,
-        "detectability": one.detectability,
-        "status": one.status,
-        "p_value_of_the_rest": one.left,
-        "converged": one.converged,
-        "physics": one.cause.sentence,
-        "source": one.cause.source,
-    }

@@ -113,10 +113,10 @@ class Screen:
                     f"the derivative of {alternative.name} is not finite everywhere: it cannot be tested; leave it out "
                     "of the causes."
                 )
-        self._fitted = independent(fitted)
-        self.freedom = self._fitted.shape[0] - self._fitted.shape[1]
+        self.fitted = independent(fitted)
+        self.freedom = self.fitted.shape[0] - self.fitted.shape[1]
         self.family = tuple(family)
-        reduced = [visible_columns(alternative.directions, self._fitted) for alternative in alternatives]
+        reduced = [visible_columns(alternative.directions, self.fitted) for alternative in alternatives]
         usable = [columns.shape[1] > 0 and self.freedom >= LEAST_FREEDOM for columns in reduced]
         self.alternatives = tuple(a for a, use in zip(alternatives, usable, strict=True) if use)
         reduced = [columns for columns, use in zip(reduced, usable, strict=True) if use]
@@ -125,7 +125,7 @@ class Screen:
         groups = [columns for columns, single in zip(reduced, self._single, strict=True) if not single]
         self._ranks = np.array([columns.shape[1] for columns in groups], dtype=int)
         self._starts = np.cumsum(self._ranks) - self._ranks
-        count = len(self._fitted)
+        count = len(self.fitted)
         singles = [columns for columns, single in zip(reduced, self._single, strict=True) if single]
         self._columns = np.concatenate([np.zeros((count, 0)), *singles, *groups], axis=1)
         self._prepared = self._prepare()
@@ -137,7 +137,7 @@ class Screen:
         direction = np.zeros((int(np.sum(self._single)), batch))
         null_likelihood, null_noise = np.full(batch, -np.inf), np.zeros(batch, dtype=int)
         single, several = np.flatnonzero(self._single), np.flatnonzero(~self._single)
-        parameters, least = self._fitted.shape[1], np.where(self._signs > 0, 0.0, -np.inf)
+        parameters, least = self.fitted.shape[1], np.where(self._signs > 0, 0.0, -np.inf)
         most = np.where(self._signs < 0, 0.0, np.inf)
         squares = _Squares(data)
         for index, prepared in enumerate(self._prepared):
@@ -199,7 +199,7 @@ class Screen:
         """
         if row is not None and not self._single[row]:
             raise ValueError(f"{self.alternatives[row].name} has several directions; one of a single one was expected")
-        squares, parameters = _Squares(residuals[:, None]), self._fitted.shape[1]
+        squares, parameters = _Squares(residuals[:, None]), self.fitted.shape[1]
         place = None if row is None else int(np.sum(self._single[:row]))
         found = []
         for prepared in self._prepared:
@@ -216,9 +216,9 @@ class Screen:
     def of_readings(self, residuals: Float[np.ndarray, " n"]) -> tuple[float, float, float]:
         """Standard deviation of readings, how many are to spare, and that of beliefs over it; in white noise."""
         readings = len(residuals) - self.family[0].beliefs
-        left = project_out(residuals[:, None], self._fitted)[:readings]
-        freedom = max(readings - float(np.sum(self._fitted[:readings] ** 2)), 1.0)
-        width = width_of_beliefs(self.family[0], self._fitted, residuals)
+        left = project_out(residuals[:, None], self.fitted)[:readings]
+        freedom = max(readings - float(np.sum(self.fitted[:readings] ** 2)), 1.0)
+        width = width_of_beliefs(self.family[0], self.fitted, residuals)
         return float(np.sqrt(np.sum(left**2) / freedom)), freedom, width
 
     def replicate(
@@ -251,7 +251,7 @@ class Screen:
 
     def _prepare(self) -> list[_Prepared]:
         """All members together: one call of each decomposition for all."""
-        fitted, triangle = np.linalg.qr(np.stack([noise.whiten(self._fitted) for noise in self.family]))
+        fitted, triangle = np.linalg.qr(np.stack([noise.whiten(self.fitted) for noise in self.family]))
         left = np.stack([noise.whiten(self._columns) for noise in self.family])
         left -= fitted @ (fitted.transpose(0, 2, 1) @ left)
         count = int(np.sum(self._single))

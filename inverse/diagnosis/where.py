@@ -12,6 +12,9 @@ from inverse.diagnosis.screening import SIGNALS, independent, shrunk, visible_co
 
 _SIZES = (*SIGNALS, 25.0, 50.0, 100.0, 200.0)
 """Sizes of a correction that is drawn: of one far above the noise nothing is held back."""
+_REPLICATES = 400
+LEAST_OF_WHITENESS = 1.0 / (1 + _REPLICATES)
+"""Least p-value of a correlation that so many replicates of white noise can show."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,23 +49,16 @@ class Whiteness:
     p_value: float
 
 
-def absorbed_by_places(
-    tested: Evidence,
-    places: Sequence[Place],
-    residuals: Float[np.ndarray, " n"],
-    fitted: Float[np.ndarray, "n p"],
-) -> tuple[Absorbed, ...]:
-    """Free forms by how improbable they are among all alternatives, then by themselves, with what each absorbs.
+def absorbed_by_places(tested: Evidence, places: Sequence[Place]) -> tuple[Absorbed, ...]:
+    """Free forms by how improbable they are among all alternatives, then by themselves, and what each absorbs there.
 
     Args:
         tested: What the tests say of every alternative.
         places: Free forms and their words; alternatives of other names are passed over.
-        residuals: Of the fit.
-        fitted: Derivatives in everything that was fitted.
     """
     words = {place.name: place.words for place in places}
-    basis = independent(fitted)
-    left = residuals - basis @ (basis.T @ residuals)
+    basis = tested.fitted
+    left = tested.residuals - basis @ (basis.T @ tested.residuals)
     found = []
     for row in np.lexsort((tested.log_p, tested.p_family)):
         alternative = tested.alternatives[row]
@@ -123,7 +119,7 @@ def whiteness(
     fitted: Float[np.ndarray, "n p"],
     rng: np.random.Generator,
     *,
-    replicates: int = 400,
+    replicates: int = _REPLICATES,
 ) -> tuple[Whiteness, ...]:
     """Correlation of neighbouring residuals along each coordinate.
 

@@ -84,7 +84,7 @@ def draw_causes(axis: Axes, found: Diagnosis) -> None:
     for row, one in enumerate(shown):
         axis.barh(row, _evidence(one), color=colours.get(one.status, "0.8"), height=0.65)
     axis.set_yticks(range(len(shown)), [one.cause.name for one in shown], fontsize=7)
-    axis.set_xlabel("t of the strength")
+    axis.set_xlabel("|t| of the strength")
     present = [status for status in colours if any(one.status == status for one in shown)]
     labels = {"confusable": "cannot be told apart"}
     handles = [Patch(color=colours[status], label=labels.get(status, status)) for status in present]

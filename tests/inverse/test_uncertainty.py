@@ -64,3 +64,11 @@ def test_delta_method():
     np.testing.assert_allclose(value, [2.0, np.e])
     np.testing.assert_allclose(spread[0, 0], 4.0 * 0.04 + 2.0 * 2.0 * 0.01 + 0.09, rtol=1e-12)
     np.testing.assert_allclose(spread[1, 1], np.e**2 * 0.04, rtol=1e-12)
+
+
+def test_a_constant_that_is_not_told_by_itself_is_no_joint_change():
+    """Of those that do the same one is felt so little that the other need not move for it."""
+    bend = 1e-9 * (X + 1e-5 * X**2)
+    three = (*PARAMETERS, Parameter("bend", "Pa", Identity()))
+    found = judge(np.column_stack([LINE, bend]), 0.1 * np.sin(40.0 * X), [5.0, 3.0, 1.0], three)
+    assert found.remarks == ("The data hardly tell bend: changed by itself, it leaves the fit all but the same.",)

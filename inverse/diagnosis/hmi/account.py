@@ -64,8 +64,8 @@ class HmiAccount:
         kinds = {"measured": measured, "simulated": simulated, **{f"with {name}": one for name, one in others.items()}}
         for number, label in enumerate(rows.labels):
             lines += [f"| {label} | {kind} | {curves[number].cells()} |" for kind, curves in kinds.items()]
-        best = min((self.null, *with_causes.values()), key=lambda fit: fit.misfit)
-        size = noise_size(best) / float(np.median(self.problem.weights))
+        # By residuals as they are: what fits make least is weighed in the noise of each.
+        size = min(map(noise_size, (self.null, *with_causes.values()))) / float(np.median(self.problem.weights))
         sentences = mismatches(measured, simulated, others, size=size)
         return ["In percent of the coldest reading, and where:", "", *lines, "", *(f"- {one}" for one in sentences), ""]
 

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from jaxtyping import Int
 
 from arfjax import Discretisation, Effort, Experiment, InputError
 from inverse.datasets.hmi import HmiData
@@ -30,6 +31,7 @@ from inverse.diagnosis.hmi.program import HmiProgram
 from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_full
 from inverse.diagnosis.level import require_level
 from inverse.diagnosis.noise import Noise
+from inverse.diagnosis.outlying import outlying, said_of
 from inverse.diagnosis.where import Axis
 from inverse.hmi_model import plan_sweeps
 from inverse.inference.experiment import InferenceSettings, inference_settings
@@ -244,16 +246,37 @@ def fit_remarks(null: HmiFit) -> tuple[str, ...]:
     unseen = [name for name, one in zip(names, lengths, strict=True) if one < 1e-3 * np.max(lengths)]
     if unseen:
         remarks.append(f"These data hardly see {', '.join(unseen)}: what was believed of them stands.")
-    return tuple(remarks)
+    return (*remarks, *_slips(null))
+
+
+def _slips(null: HmiFit) -> tuple[str, ...]:
+    """Readings that hold the misfit."""
+    problem, rows = null.problem, null.problem.rows
+    number = np.append(np.arange(len(rows)), np.full(len(null.residuals) - len(rows), -1))
+    found, share = outlying(null.residuals, null.directions, number)
+    places = [
+        f"{rows.temperature[one.reading]:.3g} degC in sonication {rows.labels[rows.sonication[one.reading]]}, "
+        f"{100.0 * np.expm1(float(one.amount[0]) / problem.weights[one.reading]):+.3g} % off what the others say"
+        for one in found
+    ]
+    return said_of(places, share)
 
 
 def _axes(problem: HmiDiagnosisProblem) -> tuple[Axis, ...]:
     rows = problem.rows
-    _, rounded = np.unique(np.round(rows.temperature), return_inverse=True)
     everywhere = np.zeros(len(rows), dtype=int)
     axes = (
         Axis("time", rows.sonication, rows.time),
         Axis("temperature in all sonications", everywhere, rows.temperature),
-        Axis("sonications at one temperature", rounded, rows.sonication.astype(float)),
+        Axis("sonications at one temperature", _once_a_sonication(rows), rows.sonication.astype(float)),
     )
     return axes if rows.dose is None else (*axes, Axis("thermal dose in all sonications", everywhere, rows.dose))
+
+
+def _once_a_sonication(rows: HmiRows) -> Int[np.ndarray, " row"]:
+    """Readings at about one temperature, numbered; each sonication's first there, then each one's second."""
+    rounded, seen, place = np.round(rows.temperature), dict[tuple[int, float], int](), []
+    for key in zip(rows.sonication.tolist(), rounded.tolist(), strict=True):
+        seen[key] = seen.get(key, -1) + 1
+        place.append(seen[key])
+    return np.unique(np.stack([rounded, place]), axis=1, return_inverse=True)[1].reshape(-1)

@@ -93,7 +93,16 @@ def examine_hmi(
         few=True,
     )
     return Examined(
-        tuple(causes), residuals, fitted, tuple(seen), not_testable, tuple(places), family, decision, refits
+        causes=tuple(causes),
+        residuals=residuals,
+        fitted=fitted,
+        seen=tuple(seen),
+        not_testable=not_testable,
+        places=tuple(places),
+        family=family,
+        decision=decision,
+        fit=refits,
+        remarks=(),
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 _DEVIATIONS = 2.0
-"""Of the difference of two readings: from where on one that the simulation does not have is a mismatch."""
+"""Of two readings together, each by its own size: from where on what the simulation does not have is a mismatch."""
 _TAKEN_AWAY = 0.5
 """Part of a mismatch that a cause has to take away to be said to."""
 
@@ -64,12 +64,12 @@ def mismatches(
         with_causes: The same with each cause that is not ruled out, refitted.
         size: Relative standard deviation of a reading.
     """
-    threshold = _DEVIATIONS * np.sqrt(2.0) * 100.0 * size
     sentences, within = [], []
     for number, (target, plain) in enumerate(zip(measured, simulated, strict=True)):
         for name, row in target.features.items():
             gap = abs(target.percent[row] - plain.percent[row])
-            if gap <= threshold:
+            # Of a ratio of two readings, the coldest and this one.
+            if abs(np.log(target.percent[row] / plain.percent[row])) <= _DEVIATIONS * np.sqrt(2.0) * size:
                 within.append(f"the {name} of {target.label}")
                 continue
             others = {cause: curves[number].percent[row] for cause, curves in with_causes.items()}
@@ -83,22 +83,21 @@ def mismatches(
                 f"Sonication {target.label}, {name}: {target.at(row)} measured, {plain.percent[row]:.0f} simulated; "
                 f"{by}."
             )
-        sentences += _elsewhere(
-            target, plain, {cause: curves[number] for cause, curves in with_causes.items()}, threshold
-        )
+        sentences += _elsewhere(target, plain, {cause: curves[number] for cause, curves in with_causes.items()}, size)
     if within:
-        sentences.append(f"Not to be told from scatter, a difference of {threshold:.2g} points: {', '.join(within)}.")
+        scatter = 100.0 * np.expm1(_DEVIATIONS * np.sqrt(2.0) * size)
+        sentences.append(f"Not to be told from scatter, up to {scatter:.2g} % of a reading: {', '.join(within)}.")
     return sentences
 
 
-def _elsewhere(target: Curve, plain: Curve, with_causes: Mapping[str, Curve], threshold: float) -> list[str]:
+def _elsewhere(target: Curve, plain: Curve, with_causes: Mapping[str, Curve], size: float) -> list[str]:
     """That the simulated curve peaks at another temperature, and which causes take its peak halfway to the measured."""
     if "peak" not in target.features or "peak" not in plain.features:
         return []
     there, here = target.features["peak"], plain.features["peak"]
     # How much more the one rises from the one reading to the other than the other does.
     lost = (target.percent[there] - target.percent[here]) + (plain.percent[here] - plain.percent[there])
-    if lost <= threshold:
+    if lost <= _DEVIATIONS * size * np.hypot(target.percent[there], target.percent[here]):
         return []
     at, gap = target.temperature, abs(target.temperature[there] - target.temperature[here])
     others = {cause: curve.features["peak"] for cause, curve in with_causes.items() if "peak" in curve.features}

@@ -119,7 +119,7 @@ def absorbed_by_links(null: HmiFit, family: Sequence[Noise], rng: np.random.Gene
     screen = Screen(null.directions, forms, family)
     free = np.ones(len(screen.alternatives), dtype=bool)
     tested = evidence(screen, null.residuals, rng, free, 1.0, REPLICATES, averaged=True)
-    found = absorbed_by_places(tested, places, null.residuals, null.directions)
+    found = absorbed_by_places(tested, places)
     return tuple(sorted(found, key=lambda one: -one.share))
 
 

@@ -26,7 +26,8 @@ class Effect(Alternative):
     """What a cause does about a fit.
 
     Attributes:
-        reach: Strength that it was taken at, of its sign, in the cause's unit.
+        reach: Strength that it was taken at, of its sign, in the cause's unit; or at a part of it, where there is no
+            such tissue.
     """
 
     reach: float = 0.0

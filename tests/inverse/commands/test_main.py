@@ -28,3 +28,18 @@ def test_imports_do_not_start_jax():
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)
     assert done.stdout.strip() == "0", done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["fit-dma", "data.csv", "--out", ""], "--out: the value is empty; give one"),
+        (["diagnose", "--dma", "", "--out", "x"], "--dma: the value is empty; give one"),
+        (["fit-dma", "", "--out", "x"], "argument 2: the value is empty; give one"),
+    ],
+)
+def test_a_value_that_is_empty(arguments, said, capsys):
+    """As an unset variable of a shell leaves it, which would be the folder that one is in."""
+    assert main.run(arguments) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1

@@ -48,6 +48,31 @@ def test_other_headers_and_units(tmp_path, header, cells):
     np.testing.assert_allclose(data.loss_modulus, 200.0)
 
 
+@pytest.mark.parametrize(
+    ("header", "cells", "unused"),
+    [
+        ("f,T,E' (Pa),tan_delta", "1,37,1500,0.2", ()),
+        ("f,T,E' (Pa),tan(delta)", "1,37,1500,0.2", ()),
+        ("f,T,E' (Pa),tan δ", "1,37,1500,0.2", ()),
+        ("f,T,|E*| (Pa),Loss factor", "1,37,1529.7058540778355,0.2", ()),
+        ("f,T,E' (Pa),E'' (Pa),tan_delta", "1,37,1500,300,7", ("tan_delta",)),
+    ],
+)
+def test_loss_by_its_tangent(tmp_path, header, cells, unused):
+    data = read_dma(write(tmp_path, f"{header}\n{cells}\n{cells}\n"))
+    np.testing.assert_allclose(data.storage_modulus, 1500.0)
+    np.testing.assert_allclose(data.loss_modulus, 300.0)
+    assert data.ignored_columns == unused
+
+
+def test_semicolons_with_decimal_commas_and_rows_of_nothing(tmp_path):
+    text = GOOD.replace(",", ";").replace("0.1;", "0,1;").replace("37.", "37,").replace("1900", "1,9e3")
+    data = read_dma(write(tmp_path, f"{text};;;\n".replace("\n1;", "\n;;;\n1;")))
+    np.testing.assert_array_equal(data.frequency_hz, [0.1, 1.0, 10.0])
+    np.testing.assert_array_equal(data.temperature_c, [37.0, 37.2, 37.1])
+    np.testing.assert_array_equal(data.storage_modulus, [1200.0, 1500.0, 1900.0])
+
+
 def test_magnitude_deviations_samples_and_time(tmp_path):
     text = (
         "time_min,sample,frequency_hz,temperature_c,modulus_magnitude_kpa,modulus_magnitude_sd_pa\n"
@@ -105,6 +130,22 @@ BAD = {
     "loss in another unit": (f"{HEADER}\n1,37,1500,0.2\n2,37,1600,0.3\n", "as if in another unit"),
     "too stiff": (f"{HEADER}\n1,37,1.5e13,2\n2,37,1.6e13,3\n", "stiffer than diamond"),
     "time": (f"{HEADER},time_s\n1,37,1500,200,5\n2,37,1600,200,4\n", "line 3, column 'time_s': time 4 is earlier"),
+    "time of each sweep": (
+        f"{HEADER},time_s\n1,37,1500,200,0\n2,37,1600,200,9\n1,45,1500,200,0\n",
+        "line 4, column 'time_s': time 0 is earlier than in the row before; sort the rows by time, give time that runs",
+    ),
+    "time of each sweep, sorted": (
+        f"{HEADER},time_s\n1,37,1500,200,0\n1,45,1500,200,0\n2,37,1600,200,9\n2,45,1600,200,9\n",
+        "line 3, column 'time_s': the time is that of the row before, at 45 degC as at 37",
+    ),
+    "time that stands": (
+        f"{HEADER},sample,time_s\n1,37,1500,200,a,5\n2,37,1600,200,a,5\n1,37,1500,200,b,1\n2,37,1600,200,b,2\n",
+        "column 'time_s': the time is 5 s in every row of a; give time that runs on, or leave the column out",
+    ),
+    "no loss anywhere": (f"{HEADER}\n1,37,1500,0\n2,37,1600,0\n", "the loss is 0 in every row; if the phase was not"),
+    "negative tangent": ("f,T,E' (Pa),tan_delta\n1,37,1500,-1\n2,37,1500,1\n", "loss tangent -1 must be zero or"),
+    "thousands": (GOOD + '20,37,"1,500.5",100\n', "write numbers without commas between thousands"),
+    "preamble": (f"Instrument: Q800\n{GOOD}", "line 1: no comma, semicolon or tab in the header; begin lines before"),
     "half the deviations": (f"{HEADER},storage_modulus_sd_pa\n1,37,1500,200,5\n2,37,1500,200,5\n", "go together"),
     "zero deviation": (
         f"{HEADER},storage_modulus_sd_pa,loss_modulus_sd_pa\n1,37,1500,200,0,5\n2,37,1500,200,5,5\n",

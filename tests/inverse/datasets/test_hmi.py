@@ -124,7 +124,7 @@ BAD = {
     "text": (GOOD + "b,warm,90\n", "'warm' is not a number"),
     "blank cell": (GOOD + "b,,90\n", "the cell is empty"),
     "blank sonication": (GOOD + ",80,90\n", "line 6, column 'sonication': the cell is empty"),
-    "decimal comma": ("temperature_c;displacement_um\n37;2,5\n50;2,4\n", "write decimals with a point"),
+    "decimal comma": ("temperature_c;displacement_um\n37;2.5\n50;2,4\n", "write decimals with a point"),
     "zero displacement": (
         GOOD + "b,80,0\n",
         "line 6, column 'displacement_percent': the displacement must be positive",

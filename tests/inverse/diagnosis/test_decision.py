@@ -9,9 +9,11 @@ from scipy import stats
 from arfjax import InputError
 from inverse.diagnosis.decision import NEEDED, Refitted, decide
 from inverse.diagnosis.evidence import ALLOWANCE, evidence
+from inverse.diagnosis.free_forms import Place
 from inverse.diagnosis.noise import noise_family, series
 from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL, enough, least_p
 from inverse.diagnosis.screening import Alternative, Screen
+from inverse.diagnosis.where import absorbed_by_places
 
 N = 80
 POSITION = np.linspace(0.0, 1.0, N)
@@ -45,6 +47,18 @@ WAVE = hidden(1.5 * CAUSES[0].directions[:, 0])
 def test_what_is_hidden_is_named():
     found = decided(WAVE, lambda added, _: projected(added))
     assert found.verdict == "named" and found.named == ("wave",)
+
+
+def test_what_is_left_is_told_of_the_fit_that_was_tested():
+    ripple = Alternative("ripple", np.cos(31.0 * POSITION)[:, None])
+    found = decide(
+        WAVE, FITTED, CAUSES, [ripple], FAMILY, np.random.default_rng(1), extend=lambda added, _: projected(added)
+    )
+    left = projected(CAUSES[:1]).residuals
+    np.testing.assert_array_equal(found.last.residuals, left)
+    (place,) = absorbed_by_places(found.last, [Place("ripple", "somewhere")])
+    freed = np.linalg.qr(np.column_stack([FITTED, CAUSES[0].directions, ripple.directions]))[0]
+    assert place.share == pytest.approx(1.0 - np.sum((left - freed @ (freed.T @ left)) ** 2) / np.sum(left**2))
 
 
 def test_a_cause_that_is_looked_for_alone_is_put_in_though_hardly_found():

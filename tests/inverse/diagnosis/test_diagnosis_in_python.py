@@ -21,8 +21,9 @@ from inverse.datasets.table import unused
 from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES, DmaCause, diagnose_hmi, dma_diagnosis
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.choice import find_causes
+from inverse.diagnosis.content import as_json
 from inverse.diagnosis.gain import Gain
-from inverse.diagnosis.report import as_json, pairs_in_question, report
+from inverse.diagnosis.report import pairs_in_question, report
 from inverse.figures.residuals import residuals_figure
 from inverse.resolution import RESOLUTION, as_measured
 from tests.blind import dma_generator as blind
@@ -381,7 +382,7 @@ def test_constants_of_every_sweep_stand_in_json_and_report_as_the_extension_make
     found, constants = told.details, told.content["constants"]
     assert [one["name"] for one in constants] == ["M_0", "M_inf", "tau", "alpha"] * len(found.problem.sweeps)
     assert {one["name"]: one["unit"] for one in constants} == {"M_0": "Pa", "M_inf": "Pa", "tau": "s", "alpha": "1"}
-    for values, key in ((found.problem.constants, "without"), (found.extended.constants, "with_causes")):
+    for values, key in ((found.account.null, "without"), (found.extended.constants, "with_causes")):
         np.testing.assert_array_equal([one[key] for one in constants], np.ravel(values))
     text = report(found, "these data", [])
     first = constants[0]

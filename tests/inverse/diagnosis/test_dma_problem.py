@@ -11,7 +11,7 @@ from inverse.diagnosis import DMA_CAUSES, dma_examination, extended_fit
 from inverse.diagnosis.cause import Extension, every_shape
 from inverse.diagnosis.dma_account import DmaAccount
 from inverse.diagnosis.dma_diagnosis import repeats_of
-from inverse.diagnosis.dma_problem import dma_problem
+from inverse.diagnosis.dma_problem import dma_problem, without_copies
 from inverse.diagnosis.extended_fit import fit_extended
 from inverse.diagnosis.gain import held_out_gain
 from inverse.diagnosis.noise import noise_family
@@ -180,6 +180,20 @@ def test_a_fit_that_fails_in_the_likeliest_noise_is_not_used_and_that_is_said(tm
     np.testing.assert_array_equal(found.residuals, problem.residuals())
 
 
+def test_constants_without_a_cause_are_those_that_were_tested(tmp_path):
+    """In the noise that refits begin from: those in white noise differ by more than a cause would change."""
+    blind.write(tmp_path / "data.csv", tmp_path / "key.json", seed=19_000, noise="loud")
+    problem = dma_problem(read_dma(tmp_path / "data.csv"), FRACTIONAL)
+    slip = [cause for cause in DMA_CAUSES if cause.name == "slip"]
+    found = dma_examination.examine_dma(problem, slip, np.random.default_rng(1))
+    refit = fit_extended(problem, (), found.family[found.decision.omnibus.null_noise], np.zeros(0), library=slip)
+    np.testing.assert_allclose(found.constants, refit.constants, rtol=1e-6)
+    assert np.max(np.abs(found.constants / problem.constants - 1.0)) > 0.01
+    added = found.fit((Extension(slip[0], 0.0),), found.family[0], np.array([0.01]), False)
+    told = DmaAccount(problem, found.constants).constants(added)
+    np.testing.assert_array_equal([one.without for one in told], found.constants.ravel())
+
+
 def test_a_deviation_that_is_not_used_is_named():
     sweep = np.geomspace(0.1, 100.0, 8)
     both = dma_data(sweep, np.full(8, 20.0), np.stack([1e3 * sweep**0.2, 1e2 * sweep**0.1], axis=-1))
@@ -224,4 +238,23 @@ def test_a_correction_is_told_by_its_place_sign_size_and_onset(coordinate, size,
         rows = np.asarray(problem.conditions.sweep) == sweep
         correction[rows, coordinate] = size * np.linspace(0.1, 1.0, 6) * (sweep + 3.0) / 5.0
     place = Absorbed("somewhere", 0.5, 0.01, (problem.weights * correction).ravel())
-    assert DmaAccount(problem).describe(place) == f"somewhere: {words}"
+    assert DmaAccount(problem, problem.constants).describe(place) == f"somewhere: {words}"
+
+
+def test_a_row_that_is_written_twice_is_one_reading():
+    sweep = np.geomspace(0.1, 100.0, 8)
+    rows = np.array([*range(8), 2, 3, *range(8)])
+    modulus = np.stack([1e3 * sweep**0.2, 1e2 * sweep**0.1], axis=-1)
+    data = dma_data(sweep[rows], np.full(len(rows), 20.0), modulus[rows])
+    kept, (said,) = without_copies(data)
+    np.testing.assert_array_equal(kept.frequency_hz, sweep)
+    assert said.startswith("10 rows repeat others in every column and are left out")
+    # Another time, sample or modulus, however little, is another reading.
+    for other in (
+        dataclasses.replace(data, time_s=np.arange(18.0)),
+        dataclasses.replace(data, sample=tuple("abcdefghijklmnopqr")),
+        dataclasses.replace(data, loss_modulus=data.loss_modulus * (1.0 + 1e-9 * np.arange(18.0))),
+    ):
+        assert without_copies(other) == (other, ())
+    problem = dma_problem(data, FRACTIONAL, n_starts=2)
+    assert problem.rows == 8 and any("written twice" in note for note in problem.notes)

@@ -7,6 +7,7 @@ import pytest
 
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
+from inverse.diagnosis import dma_problem as dma_problem_module
 from inverse.diagnosis import gain as gain_module
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.dma_diagnosis import repeats_of
@@ -129,3 +130,33 @@ def test_samples_at_about_the_same_temperature_are_left_out_together(drifting):
     groups = temperature_groups(dataclasses.replace(drifting, sweeps=shifted))
     sweep = np.asarray(drifting.conditions.sweep)
     assert np.all(groups[sweep == 0][0] == groups[sweep == 1]) and len(np.unique(groups)) == 4
+
+
+@pytest.mark.parametrize("lost", ["constants", "strength"])
+def test_a_refit_that_folds_share_counts_once(drifting, monkeypatch, lost):
+    """Of five temperatures in five blocks each, one refit of constants, or of the strength, that did not converge."""
+    asked = {"constants": [], "strength": []}
+
+    def solved(self, strengths, used, constants=None):
+        del strengths, constants
+        kind = "strength" if self.extensions else "constants"
+        asked[kind].append(used.tobytes())
+        return np.zeros(0), not (kind == lost and len(asked[kind]) == 1), ""
+
+    monkeypatch.setattr(gain_module.Refit, "solve", solved)
+    monkeypatch.setattr(gain_module.Refit, "solve_constants", lambda *_, **__: (np.zeros(0), True, ""))
+    monkeypatch.setattr(gain_module.Refit, "own_constants", lambda *_: np.zeros(0))
+    monkeypatch.setattr(gain_module, "_score", lambda *_: (np.ones(2), 0.0))
+    gain = held_out_gain(drifting, (Extension(DRIFT, 0.0),), white(drifting), np.array([0.05]), library=(DRIFT,))
+    assert gain is not None and gain.unfinished == 1
+    assert (len(asked["constants"]), len(asked["strength"])) == (5, 5)
+
+
+def test_starts_of_held_out_fits_are_of_the_seed(tmp_path, monkeypatch):
+    problem = dma_problem(measured(tmp_path, seed=313), FRACTIONAL, seed=7)
+    seeds, fit_sweeps = [], dma_problem_module.fit_sweeps
+    monkeypatch.setattr(
+        dma_problem_module, "fit_sweeps", lambda *a, seed=0, **k: seeds.append(seed) or fit_sweeps(*a, seed=seed, **k)
+    )
+    problem.moved_by(np.asarray(problem.conditions.angular_frequency) > 2.0)
+    assert seeds == [7]

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from inverse.diagnosis.noise import noise_family, series
-from inverse.diagnosis.noise_gate import Repeats, noise_gate
+from inverse.diagnosis.noise_gate import Coordinates, Repeats, noise_gate
 from inverse.diagnosis.screening import Screen
 
 PLACES, REPEATED = 12, 4
@@ -79,3 +79,19 @@ def test_size_of_the_noise_is_that_of_readings_however_far_constants_are_from_wh
     assert gate.p_size == pytest.approx(2.0 * min(beyond, 1.0 - beyond), rel=1e-4)
     assert gate.kind == FAMILY[0].describe()
     assert gate.excess_kurtosis == pytest.approx(stats.kurtosis(left), rel=1e-3)
+
+
+@pytest.mark.parametrize("phase", [1.0, 0.05])
+def test_coordinates_of_other_size_are_no_tails(phase):
+    """Gaussian both: together they look heavy-tailed where one is twenty times the other."""
+    which = np.tile([0, 1], len(AT) // 2)
+    data = np.random.default_rng(9).standard_normal(len(AT)) * np.where(which == 1, phase, 1.0)
+    lines = np.column_stack([LINE * (which == 0)[:, None], LINE * (which == 1)[:, None]])
+    left, screen = data - lines @ np.linalg.lstsq(lines, data)[0], Screen(lines, (), FAMILY[:1])
+    two = Coordinates(("the magnitude", "the phase [rad]"), which)
+    gate = noise_gate(screen, left, np.random.default_rng(1), stated=False, coordinates=two)
+    assert gate.as_thought == (phase == 1.0) and gate.p_tails > 0.01
+    assert gate.sizes["the magnitude"] / gate.sizes["the phase [rad]"] == pytest.approx(1.0 / phase, rel=0.6)
+    assert ("where they weigh alike" in gate.describe()) == (phase != 1.0)
+    alone = noise_gate(screen, left, np.random.default_rng(1), stated=False)
+    assert alone.sizes == {} and np.isnan(alone.p_sizes) and (alone.p_tails < gate.p_tails) == (phase != 1.0)

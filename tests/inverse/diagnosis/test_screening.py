@@ -269,3 +269,14 @@ def test_either_side_of_a_cause_has_an_end_of_its_own(least, largest, signs, wor
     seen, not_testable = visible_alternatives(both, FITTED, size, [ends])
     assert tuple(one.sign for one in seen) == signs
     assert [one.why for one in not_testable] == ([f"it would have to be {words}"] if words else [])
+
+
+def test_what_is_too_weak_is_told_of_a_shape_that_can_be_told():
+    """Not of one that would take less, and that the fitted constants imitate."""
+    direction = CAUSE - independent(FITTED) @ (independent(FITTED).T @ CAUSE)
+    imitated = 1e4 * FITTED[:, :1] + 20.0 * direction
+    size = 45.0 * float(np.linalg.norm(direction)) / DETECTABLE
+    shapes = [Alternative("slip", direction, 1, 1.0), Alternative("slip", imitated, 1, 2.0)]
+    slip = next(one for one in DMA_CAUSES if one.name == "slip")
+    _, (hidden,) = visible_alternatives(shapes, FITTED, size, [slip])
+    assert hidden.why.startswith("it would have to be 45 to be seen")

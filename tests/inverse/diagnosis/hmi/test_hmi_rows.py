@@ -9,6 +9,7 @@ from arfjax import InputError, discretise
 from inverse.datasets.hmi import read_hmi
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.courses import hmi_rows, plan_courses, require_during
+from inverse.diagnosis.hmi.diagnosis import _axes
 from inverse.diagnosis.hmi.free_forms import _shared, _taken_at
 from inverse.diagnosis.hmi.prepare import _notes
 from inverse.diagnosis.hmi.refit import fit_hmi
@@ -135,3 +136,13 @@ def test_a_correction_is_told_by_its_place_sign_size_and_onset(problem, size, lo
     beliefs = np.zeros(len(null.residuals) - len(problem.rows))
     place = Absorbed("somewhere", 0.5, 0.01, np.append(problem.weights * correction, beliefs))
     assert HmiAccount(problem, null).describe(place) == f"somewhere: {words}"
+
+
+def test_neighbours_at_one_temperature_are_of_different_sonications(problem):
+    """Whatever many readings one has within a degree."""
+    temperature, sonication = 70.0 + np.arange(float(len(problem.rows))), np.zeros(len(problem.rows), dtype=int)
+    temperature[:7], sonication[4:7] = [50.1, 50.2, 50.4, 60.0, 50.0, 50.3, 60.2], 1
+    rows = dataclasses.replace(problem.rows, temperature=temperature, sonication=sonication)
+    axis = next(one for one in _axes(dataclasses.replace(problem, rows=rows)) if "one temperature" in one.along)
+    pairs = [np.flatnonzero(axis.keys == key).tolist() for key in np.unique(axis.keys)]
+    assert [one for one in pairs if len(one) > 1] == [[0, 4], [1, 5], [3, 6]] and [2] in pairs

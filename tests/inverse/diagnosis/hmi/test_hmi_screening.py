@@ -12,6 +12,7 @@ from inverse.diagnosed import Diagnosed
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.constants import as_table
+from inverse.diagnosis.content import as_json
 from inverse.diagnosis.diagnosis import failed
 from inverse.diagnosis.hmi import diagnosis as hmi_diagnosis
 from inverse.diagnosis.hmi import examination
@@ -23,7 +24,6 @@ from inverse.diagnosis.hmi.fitting import Fitting, moved_by
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import again_from, fit_hmi
 from inverse.diagnosis.hmi.rough_fit import best_of_each, in_full
-from inverse.diagnosis.report import as_json
 from inverse.diagnosis.screening import Screen, independent, unit_columns
 from inverse.figures.hmi_diagnosis import hmi_diagnosis_figure
 from inverse.figures.residuals import residuals_figure
