@@ -244,7 +244,10 @@ def _table(found: Diagnosis) -> list[str]:
         f"unlikely (p below {UNEXPLAINED_LEVEL:g}) but not out of the question ({SET_LEVEL:g}), if its refit did not "
         "converge, or if it does not explain the data well enough, given how well a correction of no name does. "
         '"Would be seen from" is the strength of d\' = 4.5 in noise such as the model of the verdict leaves: found in '
-        "96 of 100 such data sets if noise and model were known, in fewer as they are not."
+        "96 of 100 such data sets if noise and model were known, in fewer as they are not. Intervals of what is named "
+        "or possible end where the likelihood has fallen to the bound, all else fitted anew, unless the fits say "
+        "otherwise of themselves; those of others are of the curvature, and can hold 0 in spite of a large t where a "
+        "second parameter is free."
         + (f" Strengths of {' and '.join(both)} are of the model with both." if len(both) > 1 else ""),
         "",
     ]
