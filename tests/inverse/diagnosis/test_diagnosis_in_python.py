@@ -469,3 +469,16 @@ def test_the_library_is_the_default(file):
     found = inverse.diagnose(file, gain=False).details
     known = [one.cause.name for one in found.causes] + [one.name for one in found.not_testable]
     assert sorted(known) == sorted(cause.name for cause in DMA_CAUSES) and len(known) >= 14
+
+
+def test_a_report_prints_no_nan_and_no_bound_as_a_value(file):
+    found = inverse.diagnose(file, causes=["slip", "drying"], gain=False).details
+    gate = dataclasses.replace(found.noise, repeats=0.0, repeats_freedom=7, p_repeats=np.nan, p_sizes=0.001)
+    text = report(dataclasses.replace(found, noise=gate), "these", [])
+    assert "they are the same readings written again" in text and "nan" not in text.split("## All causes")[0]
+    assert "each counts below 0.01" in text and "would weigh each by its own size" in text
+    ((name, tested), *_) = found.decision.tests.items()
+    cause = next(one for one in found.causes if one.cause.name == name)
+    for left, shown in ((tested.least_p, f"| ≤ {tested.least_p:.2g} |"), (0.5, "| 0.5 |")):
+        row = dataclasses.replace(found, causes=(dataclasses.replace(cause, left=left),))
+        assert shown in next(line for line in report(row, "these", []).splitlines() if line.startswith(f"| {name}"))
