@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from arfjax import Experiment, InputError, read_experiment
-from inverse.datasets.dma import DmaData, read_dma
+from inverse.datasets.dma import DmaData, read_dma, require_loss
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.datasets.table import unused
 from inverse.design import Design, design_dma, design_hmi
@@ -179,6 +179,7 @@ class _Asked:
 
 
 def _of_dma(data: DmaData, name: str, model: ZenerModel, asked: _Asked) -> Diagnosed:
+    require_loss(data, name)
     causes = find_causes(asked.causes or DMA_CAUSES, DMA_CAUSES)
     diagnosis = functools.partial(
         diagnose_dma, model=model, causes=causes, level=asked.level, seed=asked.seed, gain=asked.gain,

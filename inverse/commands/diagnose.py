@@ -9,7 +9,7 @@ import typer
 
 from arfjax import InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, staged_bar
-from inverse.datasets.dma import DmaData, read_dma
+from inverse.datasets.dma import DmaData, read_dma, require_loss
 from inverse.datasets.hmi import read_hmi
 from inverse.diagnosed import MODELS, Diagnosed, diagnose
 from inverse.diagnosis.cause import Cause
@@ -140,7 +140,8 @@ def _require_readable(
 
 
 def require_fittable(file: Path, data: DmaData, model: ZenerModel) -> None:
-    """Refuse a DMA file with too few data, by its name."""
+    """Refuse a DMA file with too few data, or none of the phase, by its name."""
+    require_loss(data, str(file))
     try:
         usable_sweeps(data, model)
     except InputError as error:

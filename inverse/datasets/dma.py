@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from arfjax import InputError
 from arfjax.units import MODULUS_IN_PASCAL
 from inverse.datasets.dma_checks import SWEEP_GAP, check_magnitudes, check_signs, check_time
 from inverse.datasets.table import TEMPERATURE_UNITS, TIME_UNITS, Columns, Quantity, read_columns
@@ -201,6 +202,20 @@ def read_dma(path: Path | str, *, trust_units: bool = False) -> DmaData:
     )
 
 
+def require_loss(data: DmaData, name: str) -> None:
+    """Refuse phases that are all 0, by the name of the data: a column of a file that has none, as it seems.
+
+    A solid without loss can be fitted; to say what its model lacks is to examine a column that nobody measured.
+
+    Raises:
+        InputError: in one line, if no row has a loss.
+    """
+    if data.loss_modulus is not None and not np.any(data.loss_modulus):
+        raise InputError(
+            f"{name}: the loss is 0 in every row; if the phase was not measured, give 'modulus_magnitude_pa' alone."
+        )
+
+
 def group_sweeps(data: DmaData) -> tuple[Sweep, ...]:
     """Group rows by sample and temperature; a gap above 1 K between sorted temperatures starts a new sweep.
 
@@ -267,11 +282,6 @@ def _moduli(columns: Columns):
             )
     if len(pair) == 2:
         storage, loss = numbers["storage_modulus"], numbers["loss_modulus"]
-        if not np.any(loss):
-            table.refuse(
-                "the loss is 0 in every row; if the phase was not measured, give 'modulus_magnitude_pa' alone.",
-                column=columns.header("loss_modulus" if "loss_modulus" in columns.numbers else "loss_tangent"),
-            )
         return storage, loss, np.hypot(storage, loss)
     return None, None, numbers["modulus_magnitude"]
 

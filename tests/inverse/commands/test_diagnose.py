@@ -6,6 +6,8 @@ import json
 import numpy as np
 import pytest
 
+import inverse
+from arfjax import InputError
 from benchmarks.real_data import errors_from_one_frequency, from_one_frequency, modulus_of
 from inverse.commands.main import run
 from inverse.datasets.dma import group_sweeps, read_dma
@@ -97,6 +99,19 @@ def test_unknown_cause(tmp_path, capsys):
     said = capsys.readouterr().err
     assert "there is no cause 'gremlins'" in said and "sweep-drift" in said and said.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_loss_of_0_everywhere_is_no_phase(tmp_path, capsys):
+    path = tmp_path / "elastic.csv"
+    with path.open("w", newline="") as file:
+        rows = [[f, 37.0, 1e4 + 100.0 * f, 0] for f in (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)]
+        csv.writer(file).writerows([["frequency_hz", "temperature_c", "storage_modulus_pa", "loss_modulus_pa"], *rows])
+    assert run(["diagnose", "--dma", str(path), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert f"{path}: the loss is 0 in every row; if the phase was not measured" in said and said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(InputError, match=r"elastic.csv: the loss is 0 in every row"):
+        inverse.diagnose(path)
 
 
 def test_too_few_frequencies(tmp_path, capsys):

@@ -142,7 +142,6 @@ BAD = {
         f"{HEADER},sample,time_s\n1,37,1500,200,a,5\n2,37,1600,200,a,5\n1,37,1500,200,b,1\n2,37,1600,200,b,2\n",
         "column 'time_s': the time is 5 s in every row of a; give time that runs on, or leave the column out",
     ),
-    "no loss anywhere": (f"{HEADER}\n1,37,1500,0\n2,37,1600,0\n", "the loss is 0 in every row; if the phase was not"),
     "negative tangent": ("f,T,E' (Pa),tan_delta\n1,37,1500,-1\n2,37,1500,1\n", "loss tangent -1 must be zero or"),
     "thousands": (GOOD + '20,37,"1,500.5",100\n', "write numbers without commas between thousands"),
     "preamble": (f"Instrument: Q800\n{GOOD}", "line 1: no comma, semicolon or tab in the header; begin lines before"),
