@@ -155,10 +155,8 @@ def _free_combination(jacobian, values, names) -> tuple[str, ...]:
         return ()
     relative = directions[-1] / (lengths[kept] * values[kept])
     relative = relative / relative[np.argmax(np.abs(relative))]
-    together = ", ".join(
-        f"{names[index]} by {change:+.2g} %" for index, change in zip(kept, relative, strict=True) if abs(change) > 0.05
-    )
-    if "," not in together:
-        alone = together.split(" by ")[0]
-        return (f"The data hardly tell {alone}: changed by itself, it leaves the fit all but the same.",)
+    moved = [(names[index], change) for index, change in zip(kept, relative, strict=True) if abs(change) > 0.05]
+    if len(moved) == 1:
+        return (f"The data hardly tell {moved[0][0]}: changed by itself, it leaves the fit all but the same.",)
+    together = ", ".join(f"{name} by {change:+.2g} %" for name, change in moved)
     return (f"The data do not tell apart a joint change of {together}: the fit stays all but the same.",)

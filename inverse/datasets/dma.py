@@ -163,9 +163,9 @@ def read_dma(path: Path | str, *, trust_units: bool = False) -> DmaData:
     """Read a measurement file.
 
     Columns: `frequency_hz`, `temperature_c`, `storage_modulus_pa` and `loss_modulus_pa` (or `modulus_magnitude_pa`; or
-    `tan_delta` beside the storage modulus or the magnitude); optional
-    `storage_modulus_sd_pa`, `loss_modulus_sd_pa`, `modulus_magnitude_sd_pa`, `sample`, `time_s`. Other usual
-    headers and units are recognised ("Frequency (Hz)", omega_rad_s, "E' (MPa)", temp_C, ...), as is a row of units.
+    `tan_delta` beside the storage modulus or the magnitude); optional `storage_modulus_sd_pa`, `loss_modulus_sd_pa`,
+    `modulus_magnitude_sd_pa`, `sample`, `time_s`. Other usual headers and units are recognised ("Frequency (Hz)",
+    omega_rad_s, "E' (MPa)", temp_C, ...), as is a row of units.
 
     Args:
         path: CSV file, separated by commas, semicolons or tabs; `#` starts a comment line.

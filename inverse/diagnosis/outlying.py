@@ -25,7 +25,8 @@ class Outlying:
 
     Attributes:
         reading: Its number.
-        amount: By how much it is off the model fitted to all others: of each of its numbers, weighted.
+        amount: By how much it is off the model fitted to all that had not been left out before it: of each of its
+            numbers, weighted. Of the first of several the others still draw that fit.
     """
 
     reading: int
@@ -35,9 +36,10 @@ class Outlying:
 def outlying(
     residuals: Float[np.ndarray, " n"], fitted: Float[np.ndarray, "n p"], reading: Int[np.ndarray, " n"]
 ) -> tuple[tuple[Outlying, ...], float]:
-    """The fewest readings without which the model fits all others, and their share of the misfit; none if that is low.
+    """Few readings without which the model fits all others, and their share of the misfit; none if that is low.
 
-    By leaving out one after the other, each time the one without which the linearised fit leaves least.
+    By leaving out one after the other, each time the one without which the linearised fit leaves least: not always the
+    fewest.
 
     Args:
         residuals: Of the fit, weighted.
