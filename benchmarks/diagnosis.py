@@ -34,8 +34,8 @@ from benchmarks.diagnosis_summary import NO_DATA, summarise
 from inverse.datasets.dma import read_dma
 from inverse.diagnosed import MODELS
 from inverse.diagnosis import DMA_CAUSES
-from inverse.diagnosis.dma_examination import examine_dma
-from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
+from inverse.diagnosis.dma.examination import examine_dma
+from inverse.diagnosis.dma.problem import DmaProblem, dma_problem
 from inverse.diagnosis.examination import Examined
 from tests.blind import dma_generator as blind
 from tests.blind.no_such_effect import NoSuchEffect
@@ -47,12 +47,19 @@ NOISES = ("white", "tails", "correlated-0.3", "correlated-0.6", "loud", "underst
 NOISES_IN_TIME = tuple(f"{blind.IN_TIME}-{rho}" for rho in (0.3, 0.6))
 STRENGTHS = (3.0, 4.5, 6.0)
 UNKNOWN_STRENGTHS = (5.0, 9.0)
+UNEQUAL_STRENGTH = 4.5
+"""Of known causes in noise of which magnitude and phase are unequal."""
 QUICK_SETS = 2
 NULL_SETS = 16
 """In a round without an effect: a false alarm takes many sets to count and little time each."""
-SOURCES = ("inverse/diagnosis/*.py", "inverse/diagnosis/causes/*.py", "tests/blind/dma_generator.py")
+SOURCES = (
+    "inverse/diagnosis/*.py",
+    "inverse/diagnosis/dma/*.py",
+    "inverse/diagnosis/dma/causes/*.py",
+    "tests/blind/dma_generator.py",
+)
 """Code that a record depends on; what it is built upon changes seldom, and says so in CHANGELOG.md."""
-_FIRST_SEED = {"fractional": FIRST_TEST_SEED, "zener": 3_100_000}
+_FIRST_SEED = {"fractional": FIRST_TEST_SEED, "zener": 3_400_000}
 """Of rates, by model; curves have seeds below those."""
 _SEEDS_A_CONDITION = 1000
 _DEVELOPMENT_SEEDS_A_CONDITION = 200
@@ -63,7 +70,7 @@ class Condition:
     """What is hidden, and how.
 
     Attributes:
-        part: Of the study: `known`, `null`, `unknown` or `removed`.
+        part: Of the study: `known`, `null`, `unknown`, `removed`, or `unequal` for known causes in that noise.
         name: Hidden effect; the cause is taken out of the library in `removed`.
         d_prime: Its strength; 0 where nothing is hidden.
         noise: Kind.
@@ -96,7 +103,11 @@ def conditions(model: str = "fractional") -> list[Condition]:
     )
     unknown = [condition("unknown", name, d, share=2) for d in UNKNOWN_STRENGTHS for name in blind.UNKNOWN]
     removed = [condition("removed", name, d) for d in UNKNOWN_STRENGTHS for name in testable(model)]
-    return [*known, *null, *unknown, *removed, *in_time]
+    unequal = [
+        condition("null", "none", 0.0, blind.UNEQUAL, NULL_SETS),
+        *(condition("unequal", name, UNEQUAL_STRENGTH, blind.UNEQUAL) for name in testable(model)),
+    ]
+    return [*known, *null, *unknown, *removed, *in_time, *unequal]
 
 
 def measured(seed: int, model: str = "fractional", **hidden) -> tuple[DmaProblem, dict]:
@@ -134,7 +145,7 @@ def one_set(condition: Condition, seed: int) -> dict:
         "left": decision.candidates,
         "testable": condition.name in {alternative.name for alternative in found.seen},
     }
-    if condition.part == "known" and condition.name in decision.candidates:
+    if condition.part in ("known", "unequal") and condition.name in decision.candidates:
         line |= _strength(found, condition.name, key)
     return line | {"seconds": round(time.perf_counter() - begun, 2)}
 
@@ -153,6 +164,11 @@ def _strength(found: Examined, name: str, key: dict) -> dict:
         "interval": [lower, upper],
         "covered": lower <= hidden <= upper,
     }
+
+
+def _weighed(problem: DmaProblem, seed: int) -> DmaProblem:
+    """By noise of magnitude and phase that are as unequal as the seed draws them."""
+    return dataclasses.replace(problem, weights=problem.weights / np.array(blind.parts_of(blind.UNEQUAL, seed)))
 
 
 def _seed(place: int, number: int, development: bool, model: str = "fractional") -> int:
@@ -201,12 +217,21 @@ def main() -> None:
         return fitted(0, name=name, d_prime=d_prime, noise="none"), size
 
     designs = [dma_design(fitted(place, name="none")) for place in range(5)]
+    weighed = [
+        dma_design(_weighed(fitted(place, name="none"), _seed(place, 0, given.development, model)))
+        for place in range(5)
+    ]
     summary = {
         "benchmark": "diagnosis",
         "model": model,
         "seeds": "development" if given.development else "test",
         "code": code_of(lines, stamp(SOURCES)),
-        **summarise(lines, limits(designs, STRENGTHS), removed_limits(quiet, testable(model), UNKNOWN_STRENGTHS)),
+        **summarise(
+            lines,
+            limits(designs, STRENGTHS),
+            removed_limits(quiet, testable(model), UNKNOWN_STRENGTHS),
+            in_unequal=limits(weighed, [UNEQUAL_STRENGTH]),
+        ),
         "versions": {"arfjax": ax.__version__, "jax": jax.__version__, "python": platform.python_version()},
     }
     given.out.with_suffix(".json").write_text(json.dumps(summary, indent=2) + "\n")

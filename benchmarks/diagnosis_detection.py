@@ -28,7 +28,7 @@ from benchmarks.spread import spread
 from inverse.diagnosed import MODELS
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.decision import REPLICATES
-from inverse.diagnosis.dma_examination import examine_dma
+from inverse.diagnosis.dma.examination import examine_dma
 from tests.blind.no_such_effect import NoSuchEffect
 
 D_PRIME, LEVEL = 4.5, 0.05

@@ -169,7 +169,8 @@ def page(summary: dict[str, Any], study: Study) -> str:
             f"![Power, attribution and false alarms]({study.picture})",
             "",
             *_asked(summary),
-            *_known(summary),
+            *_known(summary, ""),
+            *_known(summary.get("unequal", {"known": {}}), ", magnitude and phase of unequal noise"),
             *_nothing(summary, study.gated),
             *_strange(summary, study),
             *_left(summary, study),
@@ -258,11 +259,11 @@ def _asked(summary: dict[str, Any]) -> list[str]:
     return ["## What was asked for", "", *rows, ""]
 
 
-def _known(summary: dict[str, Any]) -> list[str]:
+def _known(summary: dict[str, Any], ending: str) -> list[str]:
     lines = []
     for d in sorted(summary["known"], key=float):
         lines += [
-            f"## Known causes, d' = {d}",
+            f"## Known causes, d' = {d}{ending}",
             "",
             "| hidden | detected (limit) | first (limit) | of those detected: not ruled out | unexplained "
             "| wrongly named | covered | causes possible | sets |",

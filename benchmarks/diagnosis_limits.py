@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.cause import Extension, every_shape
-from inverse.diagnosis.dma_problem import DmaProblem
+from inverse.diagnosis.dma.problem import DmaProblem
 from inverse.diagnosis.examination import LEAST_VISIBILITY
 from inverse.diagnosis.noise import Noise, noise_family
 from inverse.diagnosis.screening import Alternative, Screen, unit_columns, visibility

@@ -11,9 +11,9 @@ from scipy import stats
 from benchmarks.diagnosis_limits import DRAWN_UNKNOWN, Design, Limits
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.cause import Extension, every_shape
-from inverse.diagnosis.dma_problem import DmaProblem
+from inverse.diagnosis.dma.extended_fit import fit_extended
+from inverse.diagnosis.dma.problem import DmaProblem
 from inverse.diagnosis.examination import LEAST_VISIBILITY
-from inverse.diagnosis.extended_fit import fit_extended
 from inverse.diagnosis.noise import Noise, noise_family
 from inverse.diagnosis.rule import UNEXPLAINED_LEVEL
 from inverse.diagnosis.screening import Alternative, Screen, unit_columns, visibility

@@ -32,6 +32,7 @@ def summarise(
     limit: dict[str, dict[str, dict[str, float]]],
     removed: dict[str, dict[str, dict[str, Any]]] | None = None,
     nameless: dict[str, dict[str, dict[str, Any]]] | None = None,
+    in_unequal: dict[str, dict[str, dict[str, float]]] | None = None,
 ) -> dict[str, Any]:
     """All rates of a record.
 
@@ -40,23 +41,15 @@ def summarise(
         limit: From `limits`; causes that its designs cannot show have none.
         removed: What stand-ins leave of causes taken out, from `benchmarks.diagnosis_rests`.
         nameless: The same of effects in no list.
+        in_unequal: As `limit`, in noise of which magnitude and phase are unequal, its sizes known.
     """
     every, lines = lines, [line for line in lines if line["verdict"] != NO_DATA]
     # A cause that a diagnosis lists as one that the data cannot show is none that it can name: see `_unseen`.
-    hidden = [line for line in lines if line["part"] == "known"]
-    known = _grouped((line for line in hidden if _is_testable(line)), lambda line: f"{line['d_prime']:g}")
+    hidden = [line for line in lines if line["part"] in ("known", "unequal")]
+    known, unequal = ([line for line in hidden if line["part"] == part] for part in ("known", "unequal"))
     return {
-        "known": {
-            d: {
-                name: _known(part) | ({"limit": limit[d][name]} if name in limit.get(d, {}) else {})
-                for name, part in _grouped(of_d, _name).items()
-            }
-            for d, of_d in known.items()
-        },
-        "all known": {
-            d: _known(of_d) | ({"limit": _mean_limit(of_d, limit[d])} if d in limit else {})
-            for d, of_d in known.items()
-        },
+        **_of_known(known, limit),
+        "unequal": _of_known(unequal, in_unequal or {}),
         "null": {
             noise: {
                 "alarm": rate([line["verdict"] in DETECTED for line in part]),
@@ -72,6 +65,24 @@ def summarise(
         "no such data": len(every) - len(lines),
         "not testable": _unseen([line for line in hidden if not _is_testable(line)]) | {"of": len(hidden)},
         "seconds a set": float(np.median([line["seconds"] for line in lines])) if lines else float("nan"),
+    }
+
+
+def _of_known(lines: Sequence[Line], limit: dict[str, dict[str, dict[str, float]]]) -> dict[str, Any]:
+    """Rates of known causes by d', of each and of all."""
+    known = _grouped((line for line in lines if _is_testable(line)), lambda line: f"{line['d_prime']:g}")
+    return {
+        "known": {
+            d: {
+                name: _known(part) | ({"limit": limit[d][name]} if name in limit.get(d, {}) else {})
+                for name, part in _grouped(of_d, _name).items()
+            }
+            for d, of_d in known.items()
+        },
+        "all known": {
+            d: _known(of_d) | ({"limit": _mean_limit(of_d, limit[d])} if d in limit else {})
+            for d, of_d in known.items()
+        },
     }
 
 

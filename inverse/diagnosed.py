@@ -14,11 +14,11 @@ from inverse.datasets.table import unused
 from inverse.design import Design, design_dma, design_hmi
 from inverse.design.report import in_short, in_words
 from inverse.diagnosis.cause import Cause
-from inverse.diagnosis.causes import DMA_CAUSES
 from inverse.diagnosis.choice import find_causes
 from inverse.diagnosis.content import as_json
 from inverse.diagnosis.diagnosis import Diagnosis
-from inverse.diagnosis.dma_diagnosis import diagnose_dma
+from inverse.diagnosis.dma.causes import DMA_CAUSES
+from inverse.diagnosis.dma.diagnosis import diagnose_dma
 from inverse.diagnosis.hmi.causes import HMI_CAUSES
 from inverse.diagnosis.hmi.diagnosis import diagnose_hmi, require_diagnosable
 from inverse.diagnosis.hmi.prepare import LEARNT, prepare_hmi

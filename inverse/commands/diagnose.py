@@ -14,7 +14,7 @@ from inverse.datasets.hmi import read_hmi
 from inverse.diagnosed import MODELS, Diagnosed, diagnose
 from inverse.diagnosis.cause import Cause
 from inverse.diagnosis.choice import LIBRARIES, find_causes, names_in, require_known
-from inverse.diagnosis.dma_problem import usable_sweeps
+from inverse.diagnosis.dma.problem import usable_sweeps
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
 from inverse.diagnosis.level import HIGHEST_LEVEL, LOWEST_LEVEL, require_level
 from inverse.diagnosis.report import pairs_in_question

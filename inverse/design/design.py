@@ -89,7 +89,7 @@ class Design:
         now: What the data tell that there are.
         rated: Proposals, the best first; none where none could be rated.
         checks: Of the best one, by simulation; empty if not asked for.
-        size: Standard deviation of the noise that was assumed, relative.
+        size: Standard deviation of the noise that was assumed, relative; the geometric mean of coordinates.
         seed: Of random orders and simulations.
         notes: Why these causes, where the diagnosis does not ask for them; what was left out, and why.
         information: Where a single further reading of a DMA would tell most; None if not asked for, and for curves.

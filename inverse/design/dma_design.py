@@ -1,5 +1,6 @@
 """The next dynamic mechanical analysis: which would tell the causes apart that are still alive."""
 
+import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 
@@ -13,12 +14,13 @@ from inverse.design.design import Design, Rated, alive, checked, reasons
 from inverse.design.dma_information import dma_information
 from inverse.design.dma_proposals import DmaProposal, dma_proposals
 from inverse.design.separation import Separation, separation
-from inverse.diagnosis.cause import DmaCause, Extension, predicted_modulus
-from inverse.diagnosis.causes import DMA_CAUSES
+from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.choice import find_causes
 from inverse.diagnosis.diagnosis import Diagnosis
-from inverse.diagnosis.dma_diagnosis import diagnose_dma
-from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
+from inverse.diagnosis.dma.cause import DmaCause, predicted_modulus
+from inverse.diagnosis.dma.causes import DMA_CAUSES
+from inverse.diagnosis.dma.diagnosis import diagnose_dma
+from inverse.diagnosis.dma.problem import DmaProblem, dma_problem
 from inverse.dma_fit import FRACTIONAL, ZenerModel
 from inverse.resolution import diagnosed_as_measured
 
@@ -59,8 +61,8 @@ def design_dma(
         data, found, remarks = diagnosed_as_measured(data, diagnosis, seed)
     extensions, strengths = alive(found, causes, library)
     assert found.noise is not None
-    # Relative, as deviations that a file states say nothing of readings that are still to come.
-    size = found.noise.size * float(np.median(1.0 / found.problem.weights))
+    # Of each coordinate, relative, as deviations that a file states say nothing of readings that are still to come.
+    size = found.noise.size * np.median(1.0 / found.problem.weights, axis=0)
     problem = dma_problem(_plain(data), model, seed=seed)
     now = _separation(problem, extensions, strengths, size)
     rated: list[tuple[DmaProposal, Separation]] = []
@@ -85,16 +87,18 @@ def design_dma(
         pair = list(now.closest)
         information = dma_information(found.problem, [extensions[i] for i in pair], strengths[pair], size)
     return Design(
-        found.verdict, names, now, tuple(Rated(*one) for one in rated), tuple(checks), size, seed,
+        found.verdict, names, now, tuple(Rated(*one) for one in rated), tuple(checks),
+        float(np.exp(np.mean(np.log(size)))), seed,
         (*remarks, *reasons(found, causes, tuple(names))), information,
     )  # fmt: skip
 
 
-def _separation(problem: DmaProblem, extensions, strengths, size: float) -> Separation:
+def _separation(problem: DmaProblem, extensions, strengths, size: Float[np.ndarray, " coordinate"]) -> Separation:
+    problem = dataclasses.replace(problem, weights=problem.weights / size)
     alternatives = problem.directions(extensions)
     directions = np.concatenate([one.directions for one in alternatives], axis=1)
     names = [extension.cause.name for extension in extensions]
-    return separation(names, directions, strengths, problem.fitted_directions(), size)
+    return separation(names, directions, strengths, problem.fitted_directions(), 1.0)
 
 
 def _with(data: DmaData, problem: DmaProblem, proposal: DmaProposal) -> DmaData:
@@ -151,7 +155,12 @@ def _constants_at(problem: DmaProblem, sample: str, temperature: float) -> Float
 
 
 def _simulated(
-    together: DmaData, model: ZenerModel, extension: Extension[DmaCause], strength: float, size: float, seed: int
+    together: DmaData,
+    model: ZenerModel,
+    extension: Extension[DmaCause],
+    strength: float,
+    size: Float[np.ndarray, " coordinate"],
+    seed: int,
 ) -> DmaData:
     """The whole measurement with a cause in it and noise, in the order of its rows."""
     problem = dma_problem(together, model, seed=seed)
@@ -159,8 +168,8 @@ def _simulated(
         predicted_modulus(jnp.asarray(problem.constants), problem.conditions, (extension,), jnp.asarray([strength]))
     )
     rng = np.random.default_rng(seed)
-    noise = size * (rng.standard_normal(len(modulus)) + 1j * rng.standard_normal(len(modulus)))
-    read = modulus * np.exp(noise if together.has_phase else noise.real)
+    noise = size * rng.standard_normal((len(modulus), len(size)))
+    read = modulus * np.exp(noise @ np.array([1.0, 1.0j])[: len(size)])
     sweeps = [sweep.data for sweep in problem.sweeps]
     return _data(
         together,

@@ -18,8 +18,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from inverse.bounded import multi_start_bounded
-from inverse.diagnosis.cause import DmaCause, DmaConditions, Extension
-from inverse.diagnosis.dma_problem import DmaProblem, in_constants, in_strengths
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.dma.cause import DmaCause, DmaConditions
+from inverse.diagnosis.dma.problem import DmaProblem, in_constants, in_strengths
 
 _FREQUENCIES = 29
 """At which information is given."""
@@ -52,7 +53,7 @@ def dma_information(
     problem: DmaProblem,
     extensions: Sequence[Extension[DmaCause]],
     strengths: Float[np.ndarray, " 2"],
-    size: float,
+    size: Float[np.ndarray, " coordinate"],
 ) -> Information:
     """Tell what a further reading of the first sample would, as the first of a visit after everything else.
 
@@ -60,7 +61,7 @@ def dma_information(
         problem: What was measured.
         extensions: Two causes.
         strengths: That each would have.
-        size: Standard deviation of the noise, relative.
+        size: Standard deviation of the noise of each coordinate, relative.
     """
     fitted, constants = problem.fitted_directions(), jnp.asarray(problem.constants)
     moved = [one.directions[:, 0] for one in problem.directions(extensions)]
@@ -78,7 +79,7 @@ def dma_information(
             strengths[true] * effects[true] - jnp.column_stack([slopes, effects[1 - true]]) @ imitated[true]
             for true in (0, 1)
         ]
-        return 0.5 * jnp.minimum(*(jnp.sum(one**2) for one in left)) / size**2
+        return 0.5 * jnp.minimum(*(jnp.sum((one / size) ** 2) for one in left))
 
     log_omega = np.log(np.asarray(problem.conditions.angular_frequency))
     lower, upper = log_omega.min(keepdims=True), log_omega.max(keepdims=True)

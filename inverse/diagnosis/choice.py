@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 
 from arfjax import InputError
-from inverse.diagnosis.cause import AnyCause, Cause, DmaCause, require_causes
-from inverse.diagnosis.causes import DMA_CAUSES
+from inverse.diagnosis.cause import AnyCause, Cause, require_causes
+from inverse.diagnosis.dma.cause import DmaCause
+from inverse.diagnosis.dma.causes import DMA_CAUSES
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.causes import HMI_CAUSES
 

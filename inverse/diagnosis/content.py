@@ -9,7 +9,7 @@ from inverse.diagnosis.where import Absorbed
 from inverse.output import finite
 from inverse.software import versions
 
-SCHEMA_VERSION = 7
+SCHEMA_VERSION = 8
 """Of diagnosis.json; keys do not change without a new number."""
 
 

@@ -34,10 +34,19 @@ class Coordinates:
     Attributes:
         names: In words.
         which: Place of each residual's in `names`.
+        factors: Sizes of their noise that residuals were divided by, beside their weights; of geometric mean 1.
+        p_alike: That noise of one size looks as unlike, where they were; NaN where all weigh alike.
     """
 
     names: tuple[str, ...]
     which: Int[np.ndarray, " n"]
+    factors: Float[np.ndarray, " coordinate"]
+    p_alike: float
+
+    @property
+    def weighed(self) -> bool:
+        """Whether each weighs by its own size."""
+        return not np.isnan(self.p_alike)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,10 +57,12 @@ class NoiseGate:
         kind: The likeliest member of the family, in words.
         p_white: That white noise of one size looks as unlike it.
         size: Standard deviation of the residuals, in units of the stated ones, or relative where none are stated [1];
-            of readings alone, where what is believed of constants is among the data.
+            of readings alone, where what is believed of constants is among the data. The geometric mean of
+            coordinates that weigh by their own sizes.
         p_size: That noise of the stated size leaves residuals as large, or as small; NaN where none is stated.
         sizes: The size of each coordinate by its name; empty where readings have one.
-        p_sizes: That noise which weighs all alike leaves sizes as unlike; NaN where readings have one coordinate.
+        p_sizes: That noise of one size looks as unlike; NaN where readings have one coordinate.
+        weighed: Whether each coordinate weighs by its own size.
         excess_kurtosis: Of the whitened residuals, each coordinate by its own size if these differ; 0 for Gaussian
             noise.
         p_tails: That Gaussian noise has as heavy tails.
@@ -67,6 +78,7 @@ class NoiseGate:
     p_size: float
     sizes: dict[str, float]
     p_sizes: float
+    weighed: bool
     excess_kurtosis: float
     p_tails: float
     repeats: float
@@ -88,7 +100,7 @@ class NoiseGate:
             words.append(f"{self.size:.2f} times the stated standard deviations")
         if self.p_sizes < GATE_LEVEL:
             each = " and ".join(f"{size:.2g} in {name}" for name, size in self.sizes.items())
-            words.append(f"of size {each}, where they weigh alike")
+            words.append(f"of size {each}, {'each weighing by its own' if self.weighed else 'where they weigh alike'}")
         if self.p_tails < GATE_LEVEL:
             words.append(f"of tails heavier than Gaussian (excess kurtosis {self.excess_kurtosis:.1f})")
         if self.p_repeats < GATE_LEVEL:
@@ -130,9 +142,12 @@ def noise_gate(
         of_each = _sizes(left, coordinates)
         p_sizes = _upper(np.log(of_each.max(axis=0) / of_each.min(axis=0)))
         whole = np.sqrt(np.mean(left[:, 0] ** 2))
-        sizes = dict(zip(coordinates.names, (size * of_each[:, 0] / whole).tolist(), strict=True))
+        each = size * of_each[:, 0] / whole * coordinates.factors
+        sizes = dict(zip(coordinates.names, each.tolist(), strict=True))
         if p_sizes < GATE_LEVEL:
             left = left / of_each[coordinates.which]
+        if coordinates.weighed:
+            p_sizes = coordinates.p_alike
     kurtosis = stats.kurtosis(left, axis=0)
     again = Repeats(np.nan, 0) if repeats is None else repeats
     return NoiseGate(
@@ -142,6 +157,7 @@ def noise_gate(
         p_size=_as_far(size**2 * freedom, freedom) if stated else np.nan,
         sizes=sizes,
         p_sizes=p_sizes,
+        weighed=coordinates is not None and coordinates.weighed,
         excess_kurtosis=float(kurtosis[0]),
         p_tails=_upper(kurtosis),
         repeats=again.scatter,

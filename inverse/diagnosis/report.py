@@ -326,7 +326,12 @@ def _noise(found: Diagnosis) -> list[str]:
         f"looks so with p = {gate.p_white:.2g}, Gaussian noise has such tails with p = {gate.p_tails:.2g} (each counts "
         f"below {GATE_LEVEL:g})."
     ]
-    if gate.p_sizes < GATE_LEVEL:
+    if gate.weighed:
+        lines += [
+            f"Magnitude and phase weigh by sizes that were found in what constants and causes leave (noise of one size "
+            f"looks as unlike with p = {gate.p_sizes:.2g})."
+        ]
+    elif gate.p_sizes < GATE_LEVEL:
         lines += ["Standard deviations in the file would weigh each by its own size."]
     if gate.repeats_freedom:
         lines += [

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from inverse.diagnosis import Diagnosis
-from inverse.diagnosis.dma_problem import DmaProblem
+from inverse.diagnosis.dma.problem import DmaProblem
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 
 _MOST_LABELS = 10

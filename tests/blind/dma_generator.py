@@ -30,13 +30,14 @@ NOISE, NOISE_OF_CONVENTIONAL = 0.02, 0.003
 
 @dataclasses.dataclass(frozen=True)
 class Measurement:
-    """What is the same for all rows of one simulated measurement, arrays by sweep and frequency."""
+    """What is the same for all rows of one measurement, arrays by sweep and frequency; noise of each part of it."""
 
     temperature: np.ndarray
     frequency: np.ndarray
     constants: np.ndarray
     clock: np.ndarray
     conventional: bool = False
+    parts: tuple[float, float] = (1.0, 1.0)
 
     @property
     def noise(self) -> float:
@@ -200,6 +201,9 @@ def _one_temperature(m: Measurement, rng: np.random.Generator) -> np.ndarray:
 
 
 UNDERSTATED = 1.3
+UNEQUAL = "unequal"
+"""Noise of which magnitude or phase, by chance, has four times that of the other, d' counted in it."""
+UNEQUAL_PARTS = (0.5, 2.0)
 IN_TIME = "correlated-in-time"
 """Noise of which neighbours are those in time, in sweeps that take frequencies in random order."""
 
@@ -208,7 +212,7 @@ UNKNOWN = {"bump": _bump, "smooth": _smooth, "mains": _mains, "one-temperature":
 
 
 def draw_noise(kind: str, m: Measurement, rng: np.random.Generator) -> np.ndarray:
-    """Complex noise of the logarithm of the modulus, of standard deviation 1 in each part (but for `loud`, `none`)."""
+    """Complex noise of the logarithm of the modulus, of the measurement's `parts` (but for `loud`, `none`)."""
     shape = (*m.clock.shape, 2)
     if kind == "none":
         return np.zeros(m.clock.shape, dtype=complex)
@@ -226,6 +230,7 @@ def draw_noise(kind: str, m: Measurement, rng: np.random.Generator) -> np.ndarra
         parts = rng.standard_normal(shape)
     if kind == "loud":
         parts = parts * np.where(m.frequency > 40.0, 3.0, 1.0)[None, :, None]
+    parts = parts * m.parts
     return parts[..., 0] + 1j * parts[..., 1]
 
 
@@ -279,13 +284,21 @@ _ITERATIONS = 200
 def _distance(m: Measurement, logarithm: np.ndarray, constants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sum of squares of each sweep, and the differences."""
     difference = logarithm - np.log(solid(constants, m.omega))
-    parts = np.concatenate([difference.real, difference.imag], axis=1)
+    parts = np.concatenate([difference.real / m.parts[0], difference.imag / m.parts[1]], axis=1)
     return np.sum(parts**2, axis=1), parts
 
 
 def sign_of(name: str, seed: int) -> float:
     """Which way an effect goes that may go either way; drawn beside everything else."""
     return float(np.random.default_rng([seed, 20161231, 1]).choice((-1.0, 1.0))) if name in BOTH_WAYS else 1.0
+
+
+def parts_of(noise: str, seed: int) -> tuple[float, float]:
+    """Noise of magnitude and phase over that of both; which is larger is drawn beside everything else."""
+    if noise != UNEQUAL:
+        return 1.0, 1.0
+    turned = np.random.default_rng([seed, 20161231, 2]).uniform() < 0.5
+    return UNEQUAL_PARTS[::-1] if turned else UNEQUAL_PARTS
 
 
 def hidden(
@@ -349,6 +362,7 @@ def write(
     """
     rng = np.random.default_rng([seed, 20161231])
     m = draw_measurement(rng, shuffled=shuffled or noise.startswith(IN_TIME), conventional=conventional)
+    m = dataclasses.replace(m, parts=parts_of(noise, seed))
     asked = d_prime if strength is None else None
     if strength is None:
         logarithm, strength = hidden(m, name, d_prime, rng, sign_of(name, seed))
@@ -373,7 +387,7 @@ def write(
     rows = rows[rows[:, 3] > 0.0]  # a person leaves out a loss modulus that noise made negative
     np.savetxt(data, rows, delimiter=",", header=header, comments="", fmt="%.10g")
     hides = {"seed": seed, "hidden": name, "strength": strength, "d_prime": asked, "noise": noise}
-    hides |= {"rows_left_out": left_out}
+    hides |= {"rows_left_out": left_out, "noise_of_parts": m.parts}
     key.write_text(json.dumps(hides | {"strength_of_readings": strength * _readings(name, m, modulus)}))
 
 

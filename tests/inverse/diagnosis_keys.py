@@ -4,7 +4,7 @@ KEYS = (
     "schema_version verdict level omnibus causes named confusable explanations not_testable gain constants noise where "
     "links whiteness unexplained audit notes model seed versions separation"
 ).split()
-SCHEMA_VERSION = 7
+SCHEMA_VERSION = 8
 
 INSIDE = {
     "omnibus": "statistic p_value lead_of_free_forms".split(),
@@ -18,7 +18,7 @@ INSIDE = {
     ).split(),
     "constants": "name unit of without with_causes without_at_end with_causes_at_end".split(),
     "noise": (
-        "kind p_white size p_size sizes p_sizes excess_kurtosis p_tails repeats repeats_freedom p_repeats words"
+        "kind p_white size p_size sizes p_sizes weighed excess_kurtosis p_tails repeats repeats_freedom p_repeats words"
     ).split(),
     "where": "words share p_value".split(),
     "links": "words share p_value".split(),

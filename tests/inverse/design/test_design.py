@@ -175,7 +175,7 @@ def test_a_reading_tells_what_the_other_cause_and_the_constants_cannot_imitate(f
     """Neither cause looks at the time: where something was measured already, it tells as much as that did."""
     problem, known = found.problem, {one.cause.name: one for one in found.causes}
     extensions = [Extension(known[name].cause, known[name].shape or 0.0) for name in STEADY]
-    strengths, size = np.array([known[name].detectability for name in STEADY]), 0.02
+    strengths, size = np.array([known[name].detectability for name in STEADY]), np.array([0.02, 0.03])
     told = dma_information(problem, extensions, strengths, size)
     moved = [one.directions[:, 0] for one in problem.directions(extensions)]
     effects = [strength * one for strength, one in zip(strengths, moved, strict=True)]
@@ -183,7 +183,7 @@ def test_a_reading_tells_what_the_other_cause_and_the_constants_cannot_imitate(f
     for true, rival in (effects, effects[::-1]):
         basis = np.linalg.qr(np.column_stack([problem.fitted_directions(), rival]))[0]
         left = (true - basis @ (basis.T @ true)) / problem.weights.ravel()
-        expected.append(0.5 * np.sum(left.reshape(-1, 2) ** 2, axis=1) / size**2)
+        expected.append(0.5 * np.sum((left.reshape(-1, 2) / size) ** 2, axis=1))
     omega = np.asarray(problem.conditions.angular_frequency)
     for end, frequency in ((0, omega.min()), (-1, omega.max())):
         rows = np.flatnonzero(omega == frequency)

@@ -5,10 +5,11 @@ import pytest
 
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
-from inverse.diagnosis.cause import Extension, every_shape, predicted_modulus
-from inverse.diagnosis.causes.slip import Slip
-from inverse.diagnosis.dma_problem import dma_problem
-from inverse.diagnosis.extended_fit import fit_extended
+from inverse.diagnosis.cause import Extension, every_shape
+from inverse.diagnosis.dma.cause import predicted_modulus
+from inverse.diagnosis.dma.causes.slip import Slip
+from inverse.diagnosis.dma.extended_fit import fit_extended
+from inverse.diagnosis.dma.problem import dma_problem
 from inverse.diagnosis.noise import noise_family
 from inverse.diagnosis.screening import Alternative, Screen, independent, unit_columns, visibility
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL

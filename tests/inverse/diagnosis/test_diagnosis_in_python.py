@@ -18,10 +18,11 @@ from inverse.datasets.dma import dma_data, read_dma
 from inverse.datasets.hmi import read_hmi
 from inverse.datasets.shipped import shipped
 from inverse.datasets.table import unused
-from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES, DmaCause, diagnose_hmi, dma_diagnosis
+from inverse.diagnosis import DMA_CAUSES, HMI_CAUSES, DmaCause, diagnose_hmi
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.choice import find_causes
 from inverse.diagnosis.content import as_json
+from inverse.diagnosis.dma import diagnosis as dma_diagnosis
 from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.report import pairs_in_question, report
 from inverse.figures.residuals import residuals_figure
@@ -474,6 +475,7 @@ def test_the_library_is_the_default(file):
 def test_a_report_prints_no_nan_and_no_bound_as_a_value(file):
     found = inverse.diagnose(file, causes=["slip", "drying"], gain=False).details
     gate = dataclasses.replace(found.noise, repeats=0.0, repeats_freedom=7, p_repeats=np.nan, p_sizes=0.001)
+    assert not gate.weighed
     text = report(dataclasses.replace(found, noise=gate), "these", [])
     assert "they are the same readings written again" in text and "nan" not in text.split("## All causes")[0]
     assert "each counts below 0.01" in text and "would weigh each by its own size" in text

@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 from inverse.datasets.dma import dma_data, read_dma
-from inverse.diagnosis import DMA_CAUSES, dma_examination, extended_fit
+from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.cause import Extension, every_shape
-from inverse.diagnosis.dma_account import DmaAccount
-from inverse.diagnosis.dma_diagnosis import repeats_of
-from inverse.diagnosis.dma_problem import dma_problem, without_copies
-from inverse.diagnosis.extended_fit import fit_extended
-from inverse.diagnosis.gain import held_out_gain
+from inverse.diagnosis.dma import examination as dma_examination
+from inverse.diagnosis.dma import extended_fit
+from inverse.diagnosis.dma.account import DmaAccount
+from inverse.diagnosis.dma.diagnosis import repeats_of
+from inverse.diagnosis.dma.extended_fit import fit_extended
+from inverse.diagnosis.dma.gain import held_out_gain
+from inverse.diagnosis.dma.problem import dma_problem, without_copies
 from inverse.diagnosis.noise import noise_family
 from inverse.diagnosis.where import Absorbed
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL

@@ -7,12 +7,13 @@ import pytest
 
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
-from inverse.diagnosis import dma_problem as dma_problem_module
-from inverse.diagnosis import gain as gain_module
 from inverse.diagnosis.cause import Extension
-from inverse.diagnosis.dma_diagnosis import repeats_of
-from inverse.diagnosis.dma_problem import dma_problem
-from inverse.diagnosis.gain import _Fold, _folds, held_out_gain, root_mean_square, sample_groups, temperature_groups
+from inverse.diagnosis.dma import gain as gain_module
+from inverse.diagnosis.dma import problem as dma_problem_module
+from inverse.diagnosis.dma.diagnosis import repeats_of
+from inverse.diagnosis.dma.gain import _Fold, _folds, held_out_gain, sample_groups, temperature_groups
+from inverse.diagnosis.dma.problem import dma_problem
+from inverse.diagnosis.gain import root_mean_square
 from inverse.diagnosis.noise import noise_family
 from inverse.dma_fit import FRACTIONAL
 from tests.blind import dma_generator as blind

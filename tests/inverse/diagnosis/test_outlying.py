@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from inverse.datasets.dma import dma_data
-from inverse.diagnosis import dma_diagnosis
-from inverse.diagnosis.dma_problem import dma_problem
+from inverse.diagnosis.dma import diagnosis as dma_diagnosis
+from inverse.diagnosis.dma.problem import dma_problem
 from inverse.diagnosis.outlying import outlying, said_of
 from inverse.dma_fit import FRACTIONAL
 from tests.blind import dma_generator as blind

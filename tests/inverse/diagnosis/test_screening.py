@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from inverse.diagnosis.causes import DMA_CAUSES
+from inverse.diagnosis.dma.causes import DMA_CAUSES
 from inverse.diagnosis.examination import DETECTABLE, visible_alternatives
 from inverse.diagnosis.noise import LOG_PRIOR_OF_STEP, noise_family, series
 from inverse.diagnosis.screening import SIGNALS, Alternative, Screen, independent, visibility, visible_columns

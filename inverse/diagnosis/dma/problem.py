@@ -11,7 +11,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from arfjax import InputError
 from inverse.datasets.dma import DmaData, Sweep, group_sweeps
-from inverse.diagnosis.cause import DmaConditions, Extension, predicted_modulus
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.dma.cause import DmaConditions, predicted_modulus
 from inverse.diagnosis.noise import Ordering, series
 from inverse.diagnosis.screening import Alternative
 from inverse.dma_fit import CONVENTIONAL, SweepFit, ZenerModel, fit_sweeps

@@ -6,12 +6,15 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from inverse.diagnosis.cause import DmaCause, Extension, every_shape
+from inverse.diagnosis.cause import Extension, every_shape
 from inverse.diagnosis.decision import Refitted, decide
-from inverse.diagnosis.dma_problem import DmaProblem
+from inverse.diagnosis.dma.cause import DmaCause
+from inverse.diagnosis.dma.extended_fit import ExtendedFit, fit_extended
+from inverse.diagnosis.dma.free_forms import dma_free_forms
+from inverse.diagnosis.dma.problem import DmaProblem
+from inverse.diagnosis.dma.weighing import Weighing, weighed_by_noise
 from inverse.diagnosis.examination import Examined, extension_of, in_white_noise, linear_strengths, visible_alternatives
-from inverse.diagnosis.extended_fit import ExtendedFit, fit_extended
-from inverse.diagnosis.free_forms import Place, dma_free_forms
+from inverse.diagnosis.free_forms import Place
 from inverse.diagnosis.noise import Noise, noise_family
 from inverse.diagnosis.screening import Alternative, Screen
 
@@ -21,9 +24,13 @@ class ExaminedDma(Examined):
     """A dynamic mechanical analysis examined.
 
     Attributes:
+        problem: The data, with each coordinate weighed by the size of its noise where these differ.
+        weighing: By which.
         constants: Of every sweep without causes, in the likeliest kind of noise; as `DmaProblem.constants`.
     """
 
+    problem: DmaProblem
+    weighing: Weighing
     constants: Float[np.ndarray, "sweep 4"]
 
 
@@ -48,7 +55,8 @@ def examine_dma(
     """
     program = (*program, *(cause for cause in causes if cause.name not in {one.name for one in program}))
     family = noise_family(problem.orderings(), problem.frequencies(), unit="Hz")
-    residuals, fitted, constants, remarks = _fitted_in_its_noise(problem, family, program)
+    problem, weighing = weighed_by_noise(problem, problem.directions(every_shape(causes)))
+    residuals, fitted, constants, remarks = _fitted_in_its_noise(problem, family, program, weighed=weighing.differs)
     size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
     free_forms, places = _free_forms(problem, residuals)
     seen, not_testable = visible_alternatives(problem.directions(every_shape(causes), constants), fitted, size, causes)
@@ -76,11 +84,13 @@ def examine_dma(
         decision=decision,
         fit=fit,
         remarks=remarks,
+        problem=problem,
+        weighing=weighing,
         constants=constants,
     )
 
 
-def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: Sequence[DmaCause]):
+def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: Sequence[DmaCause], *, weighed: bool):
     """Residuals, derivatives and constants of the model fitted in the likeliest kind of noise, and what is to be said.
 
     A fit that takes the noise for white strays farther than the linearisation holds where a part of the data is louder:
@@ -88,7 +98,7 @@ def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: 
     """
     residuals, fitted = problem.residuals(), problem.fitted_directions()
     _, member, _ = Screen(fitted, (), family).noise_evidence(residuals[:, None])
-    if family[member[0]].is_white:
+    if family[member[0]].is_white and not weighed:
         return residuals, fitted, problem.constants, ()
     refit = fit_extended(problem, (), family[member[0]], np.zeros(0), library=program, profile=False)
     if not refit.converged:

@@ -5,7 +5,8 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Complex
 
-from inverse.diagnosis.cause import DmaCause, DmaState, Strength
+from inverse.diagnosis.cause import Strength
+from inverse.diagnosis.dma.cause import DmaCause, DmaState
 
 
 class TemperatureLag(DmaCause):

@@ -10,13 +10,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import optimize, stats
 
-from inverse.diagnosis.cause import DmaCause, Extension
-from inverse.diagnosis.dma_problem import DmaProblem
-from inverse.diagnosis.limits import at_limit
-from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.regression import INTERVAL_LEVEL
-from inverse.diagnosis.screening import Alternative
-from inverse.diagnosis.white_residual import (
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.dma.cause import DmaCause
+from inverse.diagnosis.dma.problem import DmaProblem
+from inverse.diagnosis.dma.white_residual import (
     WhiteResidual,
     constants_of,
     plain_of,
@@ -25,6 +22,10 @@ from inverse.diagnosis.white_residual import (
     white_and_slope,
     whitened,
 )
+from inverse.diagnosis.limits import at_limit
+from inverse.diagnosis.noise import Noise
+from inverse.diagnosis.regression import INTERVAL_LEVEL
+from inverse.diagnosis.screening import Alternative
 
 
 @dataclasses.dataclass(frozen=True)

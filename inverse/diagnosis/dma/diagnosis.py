@@ -5,14 +5,17 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from inverse.datasets.dma import DmaData, frequency_groups
-from inverse.diagnosis.cause import DmaCause, require_causes
-from inverse.diagnosis.causes import DMA_CAUSES
+from inverse.diagnosis.cause import require_causes
 from inverse.diagnosis.diagnosis import Diagnosis, conclude, failed
-from inverse.diagnosis.dma_account import DmaAccount
-from inverse.diagnosis.dma_examination import examine_dma
-from inverse.diagnosis.dma_problem import DmaProblem, dma_problem
+from inverse.diagnosis.dma.account import DmaAccount
+from inverse.diagnosis.dma.cause import DmaCause
+from inverse.diagnosis.dma.causes import DMA_CAUSES
+from inverse.diagnosis.dma.examination import examine_dma
+from inverse.diagnosis.dma.gain import held_out_gain
+from inverse.diagnosis.dma.problem import DmaProblem, dma_problem
+from inverse.diagnosis.dma.weighing import Weighing
 from inverse.diagnosis.examination import FullFit
-from inverse.diagnosis.gain import Gain, held_out_gain
+from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.level import require_level
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.noise_gate import Coordinates, Repeats
@@ -61,6 +64,8 @@ def diagnose_dma(
     rng = np.random.default_rng(seed)
     examined = examine_dma(problem, causes, rng, level=level, replicates=replicates)
 
+    problem = examined.problem
+
     def worth(extended: FullFit, noise: Noise) -> Gain | None:
         return held_out_gain(problem, extended.extensions, noise, extended.strengths, library=causes)
 
@@ -72,7 +77,7 @@ def diagnose_dma(
         audit=(*audit, *examined.remarks),
         axes=_axes(problem),
         repeats=repeats_of(problem),
-        coordinates=_coordinates(problem),
+        coordinates=_coordinates(problem, examined.weighing),
         gain=worth if gain else None,
         level=level,
         seed=seed,
@@ -128,10 +133,10 @@ def _axes(problem: DmaProblem) -> tuple[Axis, ...]:
     )
 
 
-def _coordinates(problem: DmaProblem) -> Coordinates:
+def _coordinates(problem: DmaProblem, weighing: Weighing) -> Coordinates:
     """The logarithm of the magnitude and the phase, which are of one size where the noise of the modulus is round."""
     names = ("the magnitude", "the phase [rad]")[: problem.weights.shape[1]]
-    return Coordinates(names, np.tile(np.arange(len(names)), problem.rows))
+    return Coordinates(names, np.tile(np.arange(len(names)), problem.rows), weighing.factors, weighing.p_alike)
 
 
 def repeats_of(problem: DmaProblem) -> Repeats:

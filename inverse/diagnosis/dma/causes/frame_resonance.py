@@ -4,7 +4,8 @@ from typing import ClassVar
 
 from jaxtyping import Array, Complex
 
-from inverse.diagnosis.cause import DmaCause, DmaState, Strength
+from inverse.diagnosis.cause import Strength
+from inverse.diagnosis.dma.cause import DmaCause, DmaState
 
 QUALITY = 10.0
 """Of the resonance, assumed."""

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from inverse.diagnosis.constants import FittedConstant
-from inverse.diagnosis.dma_problem import DmaProblem
-from inverse.diagnosis.extended_fit import ExtendedFit
+from inverse.diagnosis.dma.extended_fit import ExtendedFit
+from inverse.diagnosis.dma.problem import DmaProblem
 from inverse.diagnosis.where import Absorbed
 
 _COLUMNS = (("M_0", "Pa"), ("M_inf", "Pa"), ("tau", "s"), ("alpha", "1"))

@@ -2,7 +2,8 @@
 
 from jaxtyping import Array, Complex
 
-from inverse.diagnosis.cause import DmaCause, DmaState, Strength
+from inverse.diagnosis.cause import Strength
+from inverse.diagnosis.dma.cause import DmaCause, DmaState
 
 
 class SweepDrift(DmaCause):

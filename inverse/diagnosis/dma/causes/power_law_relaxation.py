@@ -2,7 +2,8 @@
 
 from jaxtyping import Array, Float
 
-from inverse.diagnosis.cause import DmaCause, Strength
+from inverse.diagnosis.cause import Strength
+from inverse.diagnosis.dma.cause import DmaCause
 
 
 class PowerLawRelaxation(DmaCause):

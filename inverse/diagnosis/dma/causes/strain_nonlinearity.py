@@ -3,8 +3,9 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Complex
 
-from inverse.diagnosis.cause import DmaCause, DmaState, Strength
-from inverse.diagnosis.causes.friction import HYSTERESIS
+from inverse.diagnosis.cause import Strength
+from inverse.diagnosis.dma.cause import DmaCause, DmaState
+from inverse.diagnosis.dma.causes.friction import HYSTERESIS
 
 
 class StrainNonlinearity(DmaCause):

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from inverse.diagnosis.cause import DmaCause, DmaConditions, Extension
-from inverse.diagnosis.dma_problem import DmaProblem, predict_coordinates
+from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.dma.cause import DmaCause, DmaConditions
+from inverse.diagnosis.dma.problem import DmaProblem, predict_coordinates
 from inverse.diagnosis.noise import Noise
 from inverse.parameters import Parameter, constrain, unconstrain
 
