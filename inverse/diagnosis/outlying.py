@@ -25,8 +25,8 @@ class Outlying:
 
     Attributes:
         reading: Its number.
-        amount: By how much it is off the model fitted to all that had not been left out before it: of each of its
-            numbers, weighted. Of the first of several the others still draw that fit.
+        amount: By how much it is off the model fitted to the readings that are no slips: of each of its numbers,
+            weighted.
     """
 
     reading: int
@@ -47,13 +47,13 @@ def outlying(
         reading: That each residual is of; below 0 for what is none.
     """
     basis = independent(fitted)
-    left = residuals - basis @ (basis.T @ residuals)
-    across = np.eye(len(residuals)) - basis @ basis.T
-    begun, found = float(left @ left), list[Outlying]()
-    spare = len(residuals) - basis.shape[1]
+    whole = residuals - basis @ (basis.T @ residuals)
+    across_all = np.eye(len(residuals)) - basis @ basis.T
+    begun, found = float(whole @ whole), list[int]()
+    left, across, spare = whole, across_all, len(residuals) - basis.shape[1]
     for _ in range(_MOST):
-        candidates = [one for one in np.unique(reading[reading >= 0]) if one not in [f.reading for f in found]]
-        taken = {int(one): _taken(left, across, np.flatnonzero(reading == one)) for one in candidates}
+        candidates = [int(one) for one in np.unique(reading[reading >= 0]) if one not in found]
+        taken = {one: _taken(left, across, np.flatnonzero(reading == one)) for one in candidates}
         if not taken:
             break
         worst = max(taken, key=lambda one: taken[one][1])
@@ -61,14 +61,22 @@ def outlying(
         spare -= len(rows)
         if spare < _LEAST_FREEDOM:
             break
-        found.append(Outlying(worst, amount))
+        found.append(worst)
         columns = across[:, rows]
         left = left - columns @ amount
         across = across - columns @ np.linalg.pinv(across[np.ix_(rows, rows)], rcond=_FREE, hermitian=True) @ columns.T
         share = 1.0 - float(left @ left) / begun if begun > 0.0 else 0.0
         if share >= _SHARE:
-            return tuple(found), share
+            return _off_the_others(whole, across_all, reading, found), share
     return (), 0.0
+
+
+def _off_the_others(left, across, reading, found: Sequence[int]) -> tuple[Outlying, ...]:
+    """What each of several readings is off by, if all of them are left out."""
+    rows = [np.flatnonzero(reading == one) for one in found]
+    amounts, _ = _taken(left, across, np.concatenate(rows))
+    parts = np.split(amounts, np.cumsum([len(own) for own in rows])[:-1])
+    return tuple(Outlying(one, amount) for one, amount in zip(found, parts, strict=True))
 
 
 def _taken(left, across, rows) -> tuple[Float[np.ndarray, " coordinate"], float]:
