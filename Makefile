@@ -62,7 +62,7 @@ benchmark: $(VENV)/.run  ## the numbers of README: errors and times, as JSON
 # QUICK=1: minutes, and pages into results/docs.
 WORKERS ?= 2
 STUDY := --workers $(WORKERS) --docs $(if $(QUICK),results/docs,docs) --anew
-RECORDS := $(if $(QUICK),results/quick,results/benchmarks)
+RECORDS := $(if $(QUICK),results/quick,benchmarks/records)
 DETECTION := $(if $(QUICK),true,$(BIN)/python -m benchmarks.diagnosis_detection --workers $(WORKERS))
 
 operating-characteristic: $(VENV)/.run  ## docs/operating_characteristic.md, in two hours
@@ -74,10 +74,10 @@ operating-characteristic-zener: $(VENV)/.run  ## the same for the conventional m
 	$(DETECTION) --model zener
 
 operating-characteristic-hmi-linear: $(VENV)/.run  ## the same for displacement, on linear data, in three quarters of an hour
-	$(BIN)/python -m benchmarks.diagnosis_hmi_fast $(filter-out --anew,$(STUDY)) --out $(RECORDS)/diagnosis_hmi_fast.json --share $(if $(QUICK),0.05,0.5)
+	$(BIN)/python -m benchmarks.diagnosis_hmi_fast $(filter-out --anew,$(STUDY)) --out $(if $(QUICK),results/quick,results/benchmarks)/diagnosis_hmi_fast.json --share $(if $(QUICK),0.05,0.5)
 
 operating-characteristic-hmi: $(VENV)/.run  ## the same on simulated data, two hours a round
-	$(BIN)/python -m benchmarks.diagnosis_hmi $(STUDY) $(if $(QUICK),--minutes 15 --out $(RECORDS)/diagnosis_hmi.jsonl,--out benchmarks/records/diagnosis_hmi.jsonl)
+	$(BIN)/python -m benchmarks.diagnosis_hmi $(STUDY) --out $(RECORDS)/diagnosis_hmi.jsonl $(if $(QUICK),--minutes 15)
 	$(if $(QUICK),,$(BIN)/python -m benchmarks.diagnosis_intervals --workers $(WORKERS))
 
 real-measurements: $(VENV)/.run  ## docs/real_measurements.md, in a quarter of an hour

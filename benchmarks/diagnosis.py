@@ -1,9 +1,9 @@
 """How often the diagnosis is right: detection, attribution and false alarms on data sets with hidden effects.
 
 python -m benchmarks.diagnosis --quick                       # minutes
-python -m benchmarks.diagnosis --docs docs                   # goes on where it was stopped; table and figure into docs
 python -m benchmarks.diagnosis --workers 8                   # by eight processes at once
-python -m benchmarks.diagnosis --model zener --docs docs     # of conventional solids, by the conventional model
+python -m benchmarks.diagnosis --model zener                 # of conventional solids, by the conventional model
+python -m benchmarks.diagnosis --out benchmarks/records/diagnosis.jsonl --docs docs   # record kept; table, figure
 
 The data come from `tests/blind`, which shares no code with the package, on seeds that chose no threshold
 (`--development` takes the others). Every data set is one line of `--out`, so that a run can be stopped at any time;
@@ -27,7 +27,14 @@ import numpy as np
 import arfjax as ax
 from benchmarks.diagnosis_docs import write_docs
 from benchmarks.diagnosis_limits import dma_design, limits
-from benchmarks.diagnosis_record import FIRST_TEST_SEED, arguments, code_of, recorded, stamp
+from benchmarks.diagnosis_record import (
+    FIRST_TEST_SEED,
+    arguments,
+    code_of,
+    lines_of,
+    recorded,
+    stamp,
+)
 from benchmarks.diagnosis_rests import removed_limits
 from benchmarks.diagnosis_studies import DMA_STUDY, ZENER_STUDY
 from benchmarks.diagnosis_summary import NO_DATA, summarise
@@ -191,7 +198,7 @@ def planned(sets: int, development: bool, model: str = "fractional") -> list[tup
 
 def _require_of_model(out: Path, model: str) -> None:
     """Stop before rates of two solids are mixed; lines that name no model are of the fractional one."""
-    lines = [json.loads(row) for row in out.read_text().splitlines()] if out.exists() else []
+    lines = lines_of(out) if out.exists() else []
     if others := {line.get("model", "fractional") for line in lines} - {model}:
         raise SystemExit(f"{out}: has data sets of the model {others.pop()}, not {model}; give another file as --out.")
 

@@ -1,6 +1,6 @@
 """Recorded data sets judged anew: whether the code that is here answers as that of the record did.
 
-python -m benchmarks.diagnosis_again results/benchmarks/diagnosis.jsonl --sets 300 --workers 2
+python -m benchmarks.diagnosis_again benchmarks/records/diagnosis.jsonl --sets 300 --workers 2
 
 After a change that is meant to change no answer, this takes minutes where new rates take hours. It shows what the
 change does on data sets that were looked at, and gives no rates. It needs the record of a study that was run before.
@@ -20,6 +20,7 @@ from typing import Any
 import jax
 
 from benchmarks import diagnosis, diagnosis_hmi
+from benchmarks.diagnosis_record import lines_of
 from benchmarks.spread import spread
 
 ANSWER = ("verdict", "first", "named", "confusable", "possible", "testable")
@@ -73,7 +74,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1, help="processes")
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    before = some_of([json.loads(row) for row in given.record.read_text().splitlines()], given.sets)
+    before = some_of(lines_of(given.record), given.sets)
     after = list(spread(judged, [(line,) for line in before], workers=given.workers))
     print(json.dumps(compared(before, after), indent=2))
 

@@ -25,6 +25,7 @@ from scipy import stats
 
 import arfjax as ax
 from benchmarks.diagnosis_hmi import TRUE_SHAPES, Condition, measured, prepared_bench
+from benchmarks.diagnosis_record import lines_of
 from benchmarks.spread import spread
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
@@ -102,7 +103,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1, help="processes")
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    lines = [json.loads(line) for line in given.record.read_text().splitlines()]
+    lines = lines_of(given.record)
     todo = [(line,) for line in lines if line["part"] == "known" and "estimate" in line]
     found = list(spread(one_set, todo, workers=given.workers))
     content = {

@@ -108,7 +108,7 @@ def recorded(
         SystemExit: if lines were made by other code.
     """
     given.out.parent.mkdir(parents=True, exist_ok=True)
-    lines = [json.loads(row) for row in given.out.read_text().splitlines()] if given.out.exists() else []
+    lines = lines_of(given.out) if given.out.exists() else []
     stamps = {line.get("stamp") for line in lines}
     if given.minutes <= 0.0 and len(stamps) == 1:
         return lines
@@ -130,6 +130,11 @@ def recorded(
             record.write(json.dumps(lines[-1]) + "\n")
             record.flush()
     return lines
+
+
+def lines_of(record: Path) -> list[dict[str, Any]]:
+    """All lines of a record."""
+    return [json.loads(row) for row in record.read_text().splitlines()]
 
 
 def code_of(lines: Sequence[dict[str, Any]], made_by: str) -> str:

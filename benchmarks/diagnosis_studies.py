@@ -96,7 +96,7 @@ _HMI_HIDDEN = (
 DMA_STUDY = Study(
     name="operating_characteristic",
     title="How often the diagnosis of a dynamic mechanical analysis is right",
-    command="python -m benchmarks.diagnosis --docs docs",
+    command="python -m benchmarks.diagnosis --out benchmarks/records/diagnosis.jsonl --docs docs",
     design="five temperatures, fourteen frequencies, complex modulus, 2 % noise, one hidden effect",
     kinds={
         "bump": "bump at one frequency",
@@ -120,7 +120,7 @@ ZENER_STUDY = dataclasses.replace(
     DMA_STUDY,
     name="operating_characteristic_zener",
     title="How often the diagnosis of a dynamic mechanical analysis is right, by the conventional model",
-    command="python -m benchmarks.diagnosis --model zener --docs docs",
+    command="python -m benchmarks.diagnosis --model zener --out benchmarks/records/diagnosis_zener.jsonl --docs docs",
     design="conventional solids, five temperatures, fourteen frequencies, complex modulus, 0.3 % noise, one hidden "
     "effect",
     remarks=(
