@@ -321,6 +321,7 @@ def _noise(found: Diagnosis) -> list[str]:
         return []
     gate = found.noise
     unit = "times the stated deviations" if found.account.stated_deviations else "relative"
+    unit += ", the geometric mean" if gate.weighed else ""
     lines = [
         f"{gate.describe()[0].upper()}{gate.describe()[1:]}; size {gate.size:.3g} ({unit}). White noise of one size "
         f"looks so with p = {gate.p_white:.2g}, Gaussian noise has such tails with p = {gate.p_tails:.2g} (each counts "
@@ -328,7 +329,7 @@ def _noise(found: Diagnosis) -> list[str]:
     ]
     if gate.weighed:
         lines += [
-            f"Magnitude and phase weigh by sizes that were found in what constants and causes leave (noise of one size "
+            "Magnitude and phase weigh by sizes that were found in what constants and causes leave (noise of one size "
             f"looks as unlike with p = {gate.p_sizes:.2g})."
         ]
     elif gate.p_sizes < GATE_LEVEL:
