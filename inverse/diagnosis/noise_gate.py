@@ -10,6 +10,8 @@ from inverse.diagnosis.screening import Screen
 
 GATE_LEVEL = 0.01
 """Probability of calling white noise something else, for each of the questions."""
+REPLICATES_OF_SIZES = 999
+"""Of white noise, that say how unlike the sizes of coordinates look."""
 _SAME = 1e-9
 """Scatter of repeats, over the residuals' size, at which they are the same reading written again: that is no repeat."""
 
@@ -34,19 +36,16 @@ class Coordinates:
     Attributes:
         names: In words.
         which: Place of each residual's in `names`.
-        factors: Sizes of their noise that residuals were divided by, beside their weights; of geometric mean 1.
-        p_alike: That noise of one size looks as unlike, where they were; NaN where all weigh alike.
+        weighed: Whether each weighs by the size of its own noise.
+        factors: Those sizes, that residuals were divided by beside their weights; of geometric mean 1.
+        p_alike: That noise of one size looks as unlike, where each weighs by its own.
     """
 
     names: tuple[str, ...]
     which: Int[np.ndarray, " n"]
+    weighed: bool
     factors: Float[np.ndarray, " coordinate"]
     p_alike: float
-
-    @property
-    def weighed(self) -> bool:
-        """Whether each weighs by its own size."""
-        return not np.isnan(self.p_alike)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,7 +8,7 @@ from inverse.diagnosis.decision import REPLICATES, Decision
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
 from inverse.diagnosis.evidence import ALLOWANCE, Evidence
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
-from inverse.diagnosis.noise_gate import GATE_LEVEL
+from inverse.diagnosis.noise_gate import GATE_LEVEL, REPLICATES_OF_SIZES
 from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL, least_p
 from inverse.diagnosis.where import LEAST_OF_WHITENESS, Absorbed
 
@@ -329,8 +329,8 @@ def _noise(found: Diagnosis) -> list[str]:
     ]
     if gate.weighed:
         lines += [
-            "Magnitude and phase weigh by sizes that were found in what constants and causes leave (noise of one size "
-            f"looks as unlike with p = {gate.p_sizes:.2g})."
+            "Magnitude and phase weigh by sizes that were found in what constants and causes leave (white noise of one "
+            f"size looks as unlike with p {_p(gate.p_sizes, 1.0 / (1 + REPLICATES_OF_SIZES), '= ')})."
         ]
     elif gate.p_sizes < GATE_LEVEL:
         lines += ["Standard deviations in the file would weigh each by its own size."]

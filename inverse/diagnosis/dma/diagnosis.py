@@ -136,7 +136,9 @@ def _axes(problem: DmaProblem) -> tuple[Axis, ...]:
 def _coordinates(problem: DmaProblem, weighing: Weighing) -> Coordinates:
     """The logarithm of the magnitude and the phase, which are of one size where the noise of the modulus is round."""
     names = ("the magnitude", "the phase [rad]")[: problem.weights.shape[1]]
-    return Coordinates(names, np.tile(np.arange(len(names)), problem.rows), weighing.factors, weighing.p_alike)
+    return Coordinates(
+        names, np.tile(np.arange(len(names)), problem.rows), weighing.differs, weighing.factors, weighing.p_alike
+    )
 
 
 def repeats_of(problem: DmaProblem) -> Repeats:

@@ -14,9 +14,12 @@ from inverse.diagnosis.dma.free_forms import dma_free_forms
 from inverse.diagnosis.dma.problem import DmaProblem
 from inverse.diagnosis.dma.weighing import Weighing, weighed_by_noise
 from inverse.diagnosis.examination import Examined, extension_of, in_white_noise, linear_strengths, visible_alternatives
-from inverse.diagnosis.free_forms import Place
+from inverse.diagnosis.free_forms import COARSE, Place
 from inverse.diagnosis.noise import Noise, noise_family
 from inverse.diagnosis.screening import Alternative, Screen
+
+_Fitted = tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n p"], Float[np.ndarray, "sweep 4"], tuple[str, ...]]
+"""Residuals, derivatives and constants of a fit, and what is to be said of it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,7 +28,7 @@ class ExaminedDma(Examined):
 
     Attributes:
         problem: The data, with each coordinate weighed by the size of its noise where these differ.
-        weighing: By which.
+        weighing: By what.
         constants: Of every sweep without causes, in the likeliest kind of noise; as `DmaProblem.constants`.
     """
 
@@ -55,8 +58,7 @@ def examine_dma(
     """
     program = (*program, *(cause for cause in causes if cause.name not in {one.name for one in program}))
     family = noise_family(problem.orderings(), problem.frequencies(), unit="Hz")
-    problem, weighing = weighed_by_noise(problem, problem.directions(every_shape(causes)))
-    residuals, fitted, constants, remarks = _fitted_in_its_noise(problem, family, program, weighed=weighing.differs)
+    problem, weighing, (residuals, fitted, constants, remarks) = _begun(problem, causes, family, program)
     size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
     free_forms, places = _free_forms(problem, residuals)
     seen, not_testable = visible_alternatives(problem.directions(every_shape(causes), constants), fitted, size, causes)
@@ -90,19 +92,42 @@ def examine_dma(
     )
 
 
-def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: Sequence[DmaCause], *, weighed: bool):
+def _begun(
+    problem: DmaProblem, causes: Sequence[DmaCause], family: Sequence[Noise], program: Sequence[DmaCause]
+) -> tuple[DmaProblem, Weighing, _Fitted]:
+    """The problem with magnitude and phase weighed by their noise, by what, and the fit in the likeliest kind of it."""
+    forms, _ = _free_forms(problem, problem.residuals())
+    coarse = [form for form in forms if form.name in (f"smooth-{COARSE:g}", f"trend-{COARSE:g}")]
+    weighed, weighing = weighed_by_noise(problem, [*problem.directions(every_shape(causes)), *coarse])
+    if weighing.differs:
+        kind = _likeliest(weighed, family)
+        refit = fit_extended(weighed, (), kind, np.zeros(0), library=program, profile=False)
+        if refit.converged:
+            return weighed, weighing, (refit.residuals, refit.directions, refit.constants, ())
+    fitted = _fitted_in_its_noise(problem, family, program)
+    alike = Weighing(differs=False, factors=np.ones_like(weighing.factors), p_alike=weighing.p_alike)
+    return problem, alike, fitted
+
+
+def _likeliest(problem: DmaProblem, family: Sequence[Noise]) -> Noise:
+    """Kind of noise, of what the fit leaves."""
+    _, member, _ = Screen(problem.fitted_directions(), (), family).noise_evidence(problem.residuals()[:, None])
+    return family[member[0]]
+
+
+def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: Sequence[DmaCause]) -> _Fitted:
     """Residuals, derivatives and constants of the model fitted in the likeliest kind of noise, and what is to be said.
 
     A fit that takes the noise for white strays farther than the linearisation holds where a part of the data is louder:
     measured on noise that is three times larger above 40 Hz, one data set in six was found wrong for that alone.
     """
-    residuals, fitted = problem.residuals(), problem.fitted_directions()
-    _, member, _ = Screen(fitted, (), family).noise_evidence(residuals[:, None])
-    if family[member[0]].is_white and not weighed:
-        return residuals, fitted, problem.constants, ()
-    refit = fit_extended(problem, (), family[member[0]], np.zeros(0), library=program, profile=False)
+    as_fitted = problem.residuals(), problem.fitted_directions(), problem.constants
+    kind = _likeliest(problem, family)
+    if kind.is_white:
+        return *as_fitted, ()
+    refit = fit_extended(problem, (), kind, np.zeros(0), library=program, profile=False)
     if not refit.converged:
-        return residuals, fitted, problem.constants, (in_white_noise(refit.status),)
+        return *as_fitted, (in_white_noise(refit.status),)
     return refit.residuals, refit.directions, refit.constants, ()
 
 

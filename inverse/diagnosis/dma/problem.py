@@ -39,7 +39,8 @@ class DmaProblem:
         conditions: Of every row.
         rows: Number of rows.
         has_phase: Whether the phase was measured.
-        weights: One over the standard deviation of each coordinate, where the data give it, and 1 elsewhere.
+        weights: One over the standard deviation of each coordinate, where the data give it, and 1 elsewhere; over what
+            `Weighing` says where that has been asked.
         stated_deviations: Whether the data give them.
         notes: What was assumed, for the report.
         seed: Of the starts of every fit.

@@ -88,13 +88,13 @@ def test_coordinates_of_other_size_are_no_tails(phase):
     data = np.random.default_rng(9).standard_normal(len(AT)) * np.where(which == 1, phase, 1.0)
     lines = np.column_stack([LINE * (which == 0)[:, None], LINE * (which == 1)[:, None]])
     left, screen = data - lines @ np.linalg.lstsq(lines, data)[0], Screen(lines, (), FAMILY[:1])
-    two = Coordinates(("the magnitude", "the phase [rad]"), which, np.ones(2), np.nan)
+    two = Coordinates(("the magnitude", "the phase [rad]"), which, False, np.ones(2), np.nan)
     gate = noise_gate(screen, left, np.random.default_rng(1), stated=False, coordinates=two)
     assert gate.as_thought == (phase == 1.0) and gate.p_tails > 0.01
     assert gate.sizes["the magnitude"] / gate.sizes["the phase [rad]"] == pytest.approx(1.0 / phase, rel=0.6)
     assert ("where they weigh alike" in gate.describe()) == (phase != 1.0)
     factors = np.array([phase**-0.5, phase**0.5])
-    divided = dataclasses.replace(two, factors=factors, p_alike=0.001)
+    divided = dataclasses.replace(two, weighed=True, factors=factors, p_alike=0.001)
     weighed = noise_gate(screen, left / factors[which], np.random.default_rng(1), stated=False, coordinates=divided)
     assert weighed.weighed and weighed.p_sizes == 0.001 and "each weighing by its own" in weighed.describe()
     assert list(weighed.sizes.values()) == pytest.approx(list(gate.sizes.values())) and weighed.p_tails > 0.01
