@@ -34,7 +34,7 @@ from tests.blind.no_such_effect import NoSuchEffect
 D_PRIME, LEVEL = 4.5, 0.05
 SETS = 60
 """Of each cause."""
-_FIRST_SEED = {"fractional": 3_200_000, "zener": 3_210_000}
+_FIRST_SEED = {"fractional": 3_220_000, "zener": 3_230_000}
 _SEEDS_A_CAUSE = 100
 _DESIGNS = 5
 

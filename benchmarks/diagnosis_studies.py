@@ -83,7 +83,7 @@ _NOISES = (
 _DMA_NOISES = (
     _NOISES.format("in frequency (`in-time`: in time, in sweeps of random order)", "40 Hz")
     + " Of `understated` the file has standard deviations, 1.3 times too small. In `unequal` magnitude or phase, by "
-    "chance, has four times the noise of the other, of which the file says nothing."
+    "chance, has four times the noise of the other, of which the file says nothing; limits there are of who knows it."
 )
 _HMI_NOISES = _NOISES.format("in a sonication", "60 degC")
 _NO_GATE = "The gate of the noise comes after this decision: how often it says `noise-model` is not in these rates."

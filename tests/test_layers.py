@@ -33,6 +33,10 @@ MAY_IMPORT = {
 """Modules of arfjax (first name below the package) and those that they may import."""
 
 
+_OF_A_MEASUREMENT = ("inverse.diagnosis.dma", "inverse.diagnosis.hmi")
+"""What the diagnosis of everything does not know; neither knows the other."""
+
+
 def python_files(package: str) -> list[Path]:
     return sorted((ROOT / package).rglob("*.py"))
 
@@ -76,6 +80,11 @@ def offences() -> list[str]:
                 found.append(f"{here} imports {name}")
             if name.startswith("inverse.commands") and not in_commands:
                 found.append(f"{here} imports {name}")
+            if name in _OF_A_MEASUREMENT or name.startswith(tuple(f"{one}." for one in _OF_A_MEASUREMENT)):
+                own = ".".join(here.parts[:3])
+                shared = here.parts[:2] == ("inverse", "diagnosis") and path.name not in ("__init__.py", "choice.py")
+                if shared and not f"{name}.".startswith(f"{own}."):
+                    found.append(f"{here} imports {name}")
     return found
 
 

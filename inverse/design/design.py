@@ -89,7 +89,8 @@ class Design:
         now: What the data tell that there are.
         rated: Proposals, the best first; none where none could be rated.
         checks: Of the best one, by simulation; empty if not asked for.
-        size: Standard deviation of the noise that was assumed, relative; the geometric mean of coordinates.
+        sizes: Standard deviation of the noise that was assumed, relative: of displacement or magnitude, then of the
+            phase [rad], if there is one.
         seed: Of random orders and simulations.
         notes: Why these causes, where the diagnosis does not ask for them; what was left out, and why.
         information: Where a single further reading of a DMA would tell most; None if not asked for, and for curves.
@@ -100,7 +101,7 @@ class Design:
     now: Separation
     rated: tuple[Rated, ...]
     checks: tuple[Check, ...]
-    size: float
+    sizes: tuple[float, ...]
     seed: int
     notes: tuple[str, ...] = ()
     information: Information | None = None

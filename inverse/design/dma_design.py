@@ -88,7 +88,7 @@ def design_dma(
         information = dma_information(found.problem, [extensions[i] for i in pair], strengths[pair], size)
     return Design(
         found.verdict, names, now, tuple(Rated(*one) for one in rated), tuple(checks),
-        float(np.exp(np.mean(np.log(size)))), seed,
+        tuple(size.tolist()), seed,
         (*remarks, *reasons(found, causes, tuple(names))), information,
     )  # fmt: skip
 

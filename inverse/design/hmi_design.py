@@ -156,7 +156,7 @@ def design_hmi(
     checks = _checks(fitted, rated[0][0], library, seed, on_step) if check and rated else ()
     names = {e.cause.name: float(s) for e, s in zip(fitted.extensions, fitted.strengths, strict=True)}
     notes = (*reasons(found, causes, tuple(names)), *notes)
-    return Design(found.verdict, names, now, tuple(Rated(*one) for one in rated), checks, fitted.size, seed, notes)
+    return Design(found.verdict, names, now, tuple(Rated(*one) for one in rated), checks, (fitted.size,), seed, notes)
 
 
 def _fitted(

@@ -11,7 +11,7 @@ from inverse.design.dma_information import Information
 from inverse.design.separation import Separation
 from inverse.software import versions
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 """Of design.json; keys do not change without a new number."""
 _TWENTY_TO_ONE = 3.0
 """Nat."""
@@ -47,7 +47,7 @@ def as_json(design: Design) -> dict[str, Any]:
             }
             for one in design.checks
         ],
-        "noise": design.size,
+        "noise": list(design.sizes),
         "seed": design.seed,
         "versions": versions(),
     }
@@ -107,6 +107,14 @@ def _reading(design: Design) -> dict[str, Any] | None:
     }
 
 
+def _noise(design: Design) -> str:
+    """In words; magnitude and phase apart where they differ."""
+    first = f"{100.0 * design.sizes[0]:.2g} %"
+    if len(set(design.sizes)) == 1:
+        return first
+    return f"{first} in the magnitude and {1e3 * design.sizes[1]:.2g} mrad in the phase"
+
+
 def _information(found: Information | None) -> list[str]:
     """The same in a sentence."""
     if found is None:
@@ -159,7 +167,7 @@ def report(design: Design, name: str, figures: Sequence[str] = ()) -> str:
         _row("nothing more", "", design.now),
         *(_row(one.proposal.words, str(len(one.proposal)), one.separation) for one in design.rated),
         "",
-        f"Under each cause: its d', with noise of {100.0 * design.size:.2g} % as in these data. Strengths are those "
+        f"Under each cause: its d', with noise of {_noise(design)} as in these data. Strengths are those "
         "estimated, but none below what the data that there are would show. One that counts over a whole "
         "measurement, as that of drying does, counts over the longer one.",
         "",

@@ -31,7 +31,7 @@ MEASUREMENT = "name words readings seconds angle_deg probability_right".split()
 """Of the measurement that would separate causes best, in `separation`."""
 
 DESIGN_KEYS = "schema_version verdict causes now proposals reading notes checks noise seed versions".split()
-DESIGN_VERSION = 3
+DESIGN_VERSION = 4
 _APART = "probability_right angle_deg d_prime cosine".split()
 INSIDE_DESIGN = {
     "now": _APART,

@@ -9,18 +9,21 @@ import pytest
 from arfjax import InputError
 from inverse.commands.main import run
 from inverse.datasets.dma import read_dma
-from inverse.design import design_dma
-from inverse.design.design import alive, reasons
+from inverse.design import design_dma, dma_design, report
+from inverse.design.design import Design, alive, reasons
 from inverse.design.dma_information import dma_information
 from inverse.design.dma_proposals import dma_proposals
 from inverse.design.report import as_json
 from inverse.design.separation import separation
 from inverse.diagnosis import DMA_CAUSES, diagnose_dma
 from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.dma.problem import dma_problem
+from inverse.dma_fit import FRACTIONAL
 from tests.blind import dma_generator as blind
 from tests.inverse.diagnosis_keys import require_design_keys
 
 LIKE = ("sweep-drift", "bath-viscosity")
+NOTHING = Design("adequate", {}, separation((), np.zeros((2, 0)), np.zeros(0), np.zeros((2, 0)), 1.0), (), (), (), 0)
 STEADY = ("noise-floor", "strain-nonlinearity")
 
 
@@ -191,3 +194,24 @@ def test_a_reading_tells_what_the_other_cause_and_the_constants_cannot_imitate(f
         np.testing.assert_allclose(told.nat[:, end], np.min(expected, axis=0)[rows], rtol=1e-5)
     assert told.best >= np.max(told.nat) * (1.0 - 1e-9) and told.best_temperature in told.temperature
     assert told.frequency[0] * (1.0 - 1e-9) <= told.best_frequency <= told.frequency[-1] * (1.0 + 1e-9)
+
+
+def test_magnitude_and_phase_are_rated_and_simulated_with_noise_of_their_own(file):
+    data, size = dma_design._plain(read_dma(file)), np.array([0.01, 0.04])
+    problem, causes = dma_problem(data, FRACTIONAL), {cause.name: cause for cause in DMA_CAUSES}
+    extensions = [Extension(causes[name], 0.0) for name in LIKE]
+    told = dma_design._separation(problem, extensions, np.array([0.05, 0.3]), size)
+    over = np.tile(size, problem.rows)[:, None]
+    basis = np.linalg.qr(problem.fitted_directions() / over)[0]
+    for place, one in enumerate(problem.directions(extensions)):
+        left = one.directions / over - basis @ (basis.T @ (one.directions / over))
+        assert told.d_prime[place] == pytest.approx((0.05, 0.3)[place] * np.linalg.norm(left))
+    read = dma_design._simulated(data, FRACTIONAL, extensions[0], 0.0, size, 5)
+    noise = dma_problem(read, FRACTIONAL).measured - (problem.measured - problem.residuals().reshape(-1, 2))
+    # Of 70 numbers each, known to 8 %: four of these.
+    assert np.std(noise, axis=0) == pytest.approx(size, rel=0.34)
+    assert (
+        report._noise(dataclasses.replace(NOTHING, sizes=tuple(size)))
+        == "1 % in the magnitude and 40 mrad in the phase"
+    )
+    assert report._noise(dataclasses.replace(NOTHING, sizes=(0.02, 0.02))) == "2 %"
