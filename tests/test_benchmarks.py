@@ -208,8 +208,14 @@ def test_every_page_of_rates_says_which_code_it_is_of():
     )
     for old, newer in diagnosis_pages.ALIKE.items():
         assert [diagnosis_pages.said(old, new).split(", ")[1:] for new in newer] == [
-            [f"to {new}", f"which answered {count} of its data sets alike"] for new, count in newer.items()
+            [f"to {new}", f"which answered {count} data sets alike"] for new, count in newer.items()
         ]
+
+
+def test_code_that_changed_twice_answers_as_many_sets_alike_as_the_fewest(monkeypatch):
+    monkeypatch.setattr(diagnosis_pages, "ALIKE", {"a": {"b": 800, "d": 5}, "b": {"c": 300}})
+    assert [diagnosis_pages.alike("a", here) for here in ("b", "c", "d", "e")] == [800, 300, 5, 0]
+    assert diagnosis_pages.said("a", "c") == "changed since, to c, which answered 300 data sets alike"
 
 
 def test_seeds_of_a_condition_do_not_run_into_those_of_the_next():
@@ -230,12 +236,14 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
         *({"part": "known", "d_prime": d} | line for d in (4.5, 6.0) for line in 5 * (one, one, one, other)),
         *({"part": "null", "d_prime": 0.0} | line for line in (one, *[one | {"verdict": "adequate"}] * 3)),
         *({"part": part, "d_prime": d} | other for part in ("unknown", "removed") for d in (5.0, 9.0)),
+        *({"part": "unequal", "d_prime": 4.5} | line for line in (one, one, other, other)),
     ]
     of_slip = {"detected": 0.97, "first": 0.8, "detected, noise unknown": 0.94, "first, noise unknown": 0.79}
     limit = {f"{d:g}": {"slip": of_slip} for d in (4.5, 6.0)}
     left = {"stand-in": "sweep-drift", "left": 4.0, "noise known": 0.99, "noise unknown": 0.9}
     rests = {"slip": left, "drying": {"why": "no strength of it shows"}}
-    summary = {"seeds": "test", **summarise(lines, limit, {"9": rests})}
+    summary = {"seeds": "test", **summarise(lines, limit, {"9": rests}, in_unequal=limit)}
+    assert summary["unequal"]["all known"]["4.5"]["in the set, if detected"]["rate"] == 0.5
     assert summary["all known"]["4.5"]["unexplained, if detected"]["rate"] == 0.25
     assert summary["null"]["white"]["alarm"]["rate"] == 0.25 and summary["null"]["white"]["noise-model"]["rate"] == 0.0
     write_docs(summary, tmp_path, DMA_STUDY)
@@ -245,6 +253,7 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
         and "| 97.0 | 94.0 | 20 | yes |" in page
     )
     assert "of those detected, unexplained, at most 5 | 25.0" in page and "| 20 | no |" in page
+    assert "## Known causes, d' = 4.5, magnitude and phase of unequal noise" in page
     # Of one data set, nothing is met or not.
     assert "wrongly named, at most 5 | 0 of 1 |  |  | 1 | too few |" in page
     assert "| 9 | slip | sweep-drift | 4.0 | 99 | 90 |" in page
