@@ -66,7 +66,7 @@ SOURCES = (
     "tests/blind/dma_generator.py",
 )
 """Code that a record depends on; what it is built upon changes seldom, and says so in CHANGELOG.md."""
-_FIRST_SEED = {"fractional": FIRST_TEST_SEED, "zener": 3_400_000}
+_FIRST_SEED = {"fractional": FIRST_TEST_SEED, "zener": 3_600_000}
 """Of rates, by model; curves have seeds below those."""
 _SEEDS_A_CONDITION = 1000
 _DEVELOPMENT_SEEDS_A_CONDITION = 200

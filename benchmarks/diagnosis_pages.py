@@ -13,9 +13,9 @@ PAGES = {
     "operating_characteristic_hmi_linear.md": diagnosis_hmi.SOURCES,
 }
 """Code that each depends on."""
-ALIKE = {"0b553103b868": {"f870207cdc6b": 800}, "f870207cdc6b": {"fae0ae36923e": 204}}
-"""Code that answered so many data sets, evenly from all of a study, as that before it did
-(`benchmarks.diagnosis_again`): changed in what no answer to these depends on."""
+ALIKE = {"0b553103b868": {"f870207cdc6b": (800, 800)}, "f870207cdc6b": {"fae0ae36923e": (412, 413)}}
+"""Code that answered so many data sets, of so many evenly from all of a study, as that before it did
+(`benchmarks.diagnosis_again`)."""
 
 
 def compared() -> dict[str, tuple[str, str]]:
@@ -23,12 +23,14 @@ def compared() -> dict[str, tuple[str, str]]:
     return {name: (stamp_on((ROOT / "docs" / name).read_text()), stamp(sources)) for name, sources in PAGES.items()}
 
 
-def alike(made_by: str, here: str) -> int:
-    """How many data sets code answered as other code did, one change after the other; 0 if nobody looked."""
+def alike(made_by: str, here: str) -> tuple[int, int]:
+    """How many data sets of how many code answered as other code did; of several changes, the one looked at least."""
     following = ALIKE.get(made_by, {})
     if here in following:
         return following[here]
-    return max((min(count, alike(after, here)) for after, count in following.items()), default=0)
+    chains = [(count, alike(after, here)) for after, count in following.items()]
+    found = [min(both, key=lambda one: one[1]) for both in chains if both[1][1]]
+    return max(found, key=lambda one: one[1], default=(0, 0))
 
 
 def said(made_by: str, here: str) -> str:
@@ -40,8 +42,8 @@ def said(made_by: str, here: str) -> str:
     """
     if made_by == here:
         return "as the code here"
-    count = alike(made_by, here)
-    return f"changed since, to {here}" + (f", which answered {count} data sets alike" if count else "")
+    same, count = alike(made_by, here)
+    return f"changed since, to {here}" + (f", which answered {same} of {count} data sets alike" if count else "")
 
 
 if __name__ == "__main__":

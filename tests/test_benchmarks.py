@@ -208,14 +208,14 @@ def test_every_page_of_rates_says_which_code_it_is_of():
     )
     for old, newer in diagnosis_pages.ALIKE.items():
         assert [diagnosis_pages.said(old, new).split(", ")[1:] for new in newer] == [
-            [f"to {new}", f"which answered {count} data sets alike"] for new, count in newer.items()
+            [f"to {new}", f"which answered {same} of {count} data sets alike"] for new, (same, count) in newer.items()
         ]
 
 
 def test_code_that_changed_twice_answers_as_many_sets_alike_as_the_fewest(monkeypatch):
-    monkeypatch.setattr(diagnosis_pages, "ALIKE", {"a": {"b": 800, "d": 5}, "b": {"c": 300}})
-    assert [diagnosis_pages.alike("a", here) for here in ("b", "c", "d", "e")] == [800, 300, 5, 0]
-    assert diagnosis_pages.said("a", "c") == "changed since, to c, which answered 300 data sets alike"
+    monkeypatch.setattr(diagnosis_pages, "ALIKE", {"a": {"b": (800, 800), "d": (4, 5)}, "b": {"c": (299, 300)}})
+    assert [diagnosis_pages.alike("a", here) for here in "bcde"] == [(800, 800), (299, 300), (4, 5), (0, 0)]
+    assert diagnosis_pages.said("a", "c") == "changed since, to c, which answered 299 of 300 data sets alike"
 
 
 def test_seeds_of_a_condition_do_not_run_into_those_of_the_next():

@@ -98,13 +98,14 @@ def _begun(
     """The problem with magnitude and phase weighed by their noise, by what, and the fit in the likeliest kind of it."""
     forms, _ = _free_forms(problem, problem.residuals())
     coarse = [form for form in forms if form.name in (f"smooth-{COARSE:g}", f"trend-{COARSE:g}")]
-    weighed, weighing = weighed_by_noise(problem, [*problem.directions(every_shape(causes)), *coarse])
+    kind = _likeliest(problem, family)
+    weighed, weighing = weighed_by_noise(problem, [*problem.directions(every_shape(causes)), *coarse], kind)
     if weighing.differs:
-        kind = _likeliest(weighed, family)
-        refit = fit_extended(weighed, (), kind, np.zeros(0), library=program, profile=False)
+        kind_weighed = _likeliest(weighed, family)
+        refit = fit_extended(weighed, (), kind_weighed, np.zeros(0), library=program, profile=False)
         if refit.converged:
             return weighed, weighing, (refit.residuals, refit.directions, refit.constants, ())
-    fitted = _fitted_in_its_noise(problem, family, program)
+    fitted = _fitted_in(problem, kind, program)
     alike = Weighing(differs=False, factors=np.ones_like(weighing.factors), p_alike=weighing.p_alike)
     return problem, alike, fitted
 
@@ -115,14 +116,13 @@ def _likeliest(problem: DmaProblem, family: Sequence[Noise]) -> Noise:
     return family[member[0]]
 
 
-def _fitted_in_its_noise(problem: DmaProblem, family: Sequence[Noise], program: Sequence[DmaCause]) -> _Fitted:
-    """Residuals, derivatives and constants of the model fitted in the likeliest kind of noise, and what is to be said.
+def _fitted_in(problem: DmaProblem, kind: Noise, program: Sequence[DmaCause]) -> _Fitted:
+    """Residuals, derivatives and constants of the model fitted in noise of a kind, and what is to be said.
 
     A fit that takes the noise for white strays farther than the linearisation holds where a part of the data is louder:
     measured on noise that is three times larger above 40 Hz, one data set in six was found wrong for that alone.
     """
     as_fitted = problem.residuals(), problem.fitted_directions(), problem.constants
-    kind = _likeliest(problem, family)
     if kind.is_white:
         return *as_fitted, ()
     refit = fit_extended(problem, (), kind, np.zeros(0), library=program, profile=False)

@@ -6,8 +6,9 @@ restricted likelihood of two sizes is largest: solved by turns with the weights 
 `_OUTLYING` standard deviations: a slip of one reading, or a nameless effect in few, is no size of all.
 
 Whether both are of one size is asked first, where they weigh alike: how unlike they are without the frequency, or the
-sweep, without which they are least so, beside white Gaussian replicates. (Of 200 sets of equal noise with a slip of 20
-standard deviations, sums of squares found 196 unlike.)
+sweep, without which they are least so, beside Gaussian replicates. (Of 200 sets of equal noise with a slip of 20
+standard deviations, sums of squares found 196 unlike.) All of it in coordinates in which the noise's likeliest kind is
+white: neighbours that share their noise tell less of its size.
 
 Source: Patterson & Thompson (1971), recovery of inter-block information when block sizes are unequal; Huber (1964),
 robust estimation of a location parameter (proposal 2, of scale).
@@ -22,6 +23,7 @@ from scipy import stats
 
 from inverse.datasets.dma import frequency_groups
 from inverse.diagnosis.dma.problem import DmaProblem
+from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.noise_gate import GATE_LEVEL, REPLICATES_OF_SIZES
 from inverse.diagnosis.screening import Alternative, independent, project_out, unit_columns
 
@@ -62,12 +64,13 @@ class Weighing:
     p_alike: float
 
 
-def weighed_by_noise(problem: DmaProblem, effects: Sequence[Alternative]) -> tuple[DmaProblem, Weighing]:
+def weighed_by_noise(problem: DmaProblem, effects: Sequence[Alternative], noise: Noise) -> tuple[DmaProblem, Weighing]:
     """The problem with magnitude and phase weighed by the sizes of their noise, where these differ.
 
     Args:
         problem: Data and fit.
         effects: About the fit; what they can take is not counted as noise.
+        noise: Its likeliest kind: how it steps and who shares it, of magnitude and phase alike.
 
     Returns:
         The problem as it was where sizes do not differ, or cannot be told: readings of the magnitude alone, few of
@@ -76,8 +79,8 @@ def weighed_by_noise(problem: DmaProblem, effects: Sequence[Alternative]) -> tup
     alike = Weighing(differs=False, factors=np.ones(problem.weights.shape[1]), p_alike=np.nan)
     if not problem.has_phase:
         return problem, alike
-    residuals, fitted = problem.residuals(), problem.fitted_directions()
-    directions, taken = _spanned(residuals, fitted, effects)
+    residuals, fitted = noise.whiten(problem.residuals()[:, None])[:, 0], noise.whiten(problem.fitted_directions())
+    directions, taken = _spanned(residuals, fitted, [noise.whiten(_finite(one.directions)) for one in effects])
     which = np.tile(np.arange(2), problem.rows)
     # From a generator of their own: what follows draws the same whether sizes differ or not.
     white = np.random.default_rng(0).standard_normal((len(residuals), REPLICATES_OF_SIZES))
@@ -94,11 +97,15 @@ def weighed_by_noise(problem: DmaProblem, effects: Sequence[Alternative]) -> tup
     return weighed, Weighing(differs=True, factors=factors, p_alike=p_alike)
 
 
-def _spanned(residuals, fitted, effects: Sequence[Alternative]) -> tuple[Float[np.ndarray, "n p"], float]:
+def _finite(columns: Float[np.ndarray, "n q"]) -> Float[np.ndarray, "n r"]:
+    return columns[:, np.all(np.isfinite(columns), axis=0)]
+
+
+def _spanned(residuals, fitted, effects) -> tuple[Float[np.ndarray, "n p"], float]:
     """Directions of constants, and those along which effects are most; and the square that these take, see `_GROSS`."""
     basis = independent(fitted)
-    columns = np.concatenate([np.zeros((len(residuals), 0)), *(effect.directions for effect in effects)], axis=1)
-    visible = project_out(unit_columns(columns[:, np.all(np.isfinite(columns), axis=0)]), basis)
+    columns = np.concatenate([np.zeros((len(residuals), 0)), *effects], axis=1)
+    visible = project_out(unit_columns(columns), basis)
     axes, singular, _ = np.linalg.svd(visible, full_matrices=False)
     spare = len(residuals) - basis.shape[1]
     least = max(_VISIBLE * float(np.max(singular, initial=0.0)), _SMALL)

@@ -12,7 +12,7 @@ from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.cause import every_shape
 from inverse.diagnosis.dma import examination, weighing
 from inverse.diagnosis.dma.problem import dma_problem
-from inverse.diagnosis.dma.weighing import weighed_by_noise
+from inverse.diagnosis.noise import noise_family
 from inverse.diagnosis.screening import Alternative
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
 from tests.blind import dma_generator as blind
@@ -26,9 +26,14 @@ def made(folder, seed, **hidden):
     return folder / "data.csv"
 
 
+def weighed_by(problem, effects):
+    family = noise_family(problem.orderings(), problem.frequencies())
+    return weighing.weighed_by_noise(problem, effects, examination._likeliest(problem, family))
+
+
 def weighed(file, model=FRACTIONAL):
     problem = dma_problem(read_dma(file), model)
-    return problem, *weighed_by_noise(problem, problem.directions(every_shape(DMA_CAUSES)))
+    return problem, *weighed_by(problem, problem.directions(every_shape(DMA_CAUSES)))
 
 
 @pytest.mark.parametrize("seed", TRUE)
@@ -47,7 +52,8 @@ def test_the_ratio_is_the_likeliest_by_an_independent_optimiser(tmp_path, monkey
     monkeypatch.setattr(weighing, "_OUTLYING", 1e3)
     monkeypatch.setattr(weighing, "_COUNTED", 1.0)
     problem = dma_problem(read_dma(made(tmp_path, SEED, noise=blind.UNEQUAL)), FRACTIONAL)
-    _, found = weighed_by_noise(problem, [])
+    white = noise_family(problem.orderings(), problem.frequencies())[0]
+    _, found = weighing.weighed_by_noise(problem, [], white)
     fitted, residuals = np.linalg.qr(problem.fitted_directions())[0], problem.residuals()
     left = np.linalg.svd(fitted)[0][:, fitted.shape[1] :]
     contrasts = left.T @ residuals
@@ -94,10 +100,10 @@ def test_nothing_is_weighed_where_noise_is_equal_or_sizes_cannot_be_told(tmp_pat
     file = made(tmp_path, SEED, noise=blind.UNEQUAL)
     data = read_dma(file)
     alone = dma_problem(dataclasses.replace(data, storage_modulus=None, loss_modulus=None), FRACTIONAL)
-    assert weighed_by_noise(alone, alone.directions(every_shape(DMA_CAUSES)))[0] is alone
+    assert weighed_by(alone, alone.directions(every_shape(DMA_CAUSES)))[0] is alone
     one = data.select(np.flatnonzero(data.temperature_c == data.temperature_c.min()))
     few = dma_problem(one.select(np.arange(8)), FRACTIONAL)  # 16 numbers, four constants
-    after, found = weighed_by_noise(few, few.directions(every_shape(DMA_CAUSES)))
+    after, found = weighed_by(few, few.directions(every_shape(DMA_CAUSES)))
     assert after is few and not found.differs and np.isnan(found.p_alike)
     problem, after, found = weighed(file, CONVENTIONAL)  # of which a fractional solid is far
     assert after is problem and not found.differs and np.isnan(found.p_alike)
@@ -122,14 +128,14 @@ def test_a_slip_is_no_noise(tmp_path):
         }
         off = dataclasses.replace(data, **scaled)
         problem = dma_problem(off, FRACTIONAL)
-        after, found = weighed_by_noise(problem, problem.directions(every_shape(DMA_CAUSES)))
+        after, found = weighed_by(problem, problem.directions(every_shape(DMA_CAUSES)))
         assert after is problem and not found.differs
 
 
 def test_a_direction_that_is_not_finite_is_left_out(tmp_path):
     problem = dma_problem(read_dma(made(tmp_path, SEED, noise=blind.UNEQUAL)), FRACTIONAL)
     broken = Alternative("broken", np.full((problem.weights.size, 1), np.nan))
-    assert np.array_equal(weighed_by_noise(problem, [broken])[1].factors, weighed_by_noise(problem, [])[1].factors)
+    assert np.array_equal(weighed_by(problem, [broken])[1].factors, weighed_by(problem, [])[1].factors)
 
 
 def test_stated_deviations_keep_their_unit(tmp_path):
@@ -139,7 +145,7 @@ def test_stated_deviations_keep_their_unit(tmp_path):
     modulus = np.hypot(data.storage_modulus, data.loss_modulus)
     stated = dataclasses.replace(data, storage_modulus_sd=0.01 * modulus, loss_modulus_sd=0.01 * modulus)
     problem = dma_problem(stated, FRACTIONAL)
-    after, found = weighed_by_noise(problem, [])
+    after, found = weighed_by(problem, [])
     assert problem.stated_deviations and found.differs
     np.testing.assert_allclose(after.weights, problem.weights / found.factors)
 
