@@ -20,6 +20,9 @@ from inverse.diagnosis.screening import Alternative, Screen
 
 _Fitted = tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n p"], Float[np.ndarray, "sweep 4"], tuple[str, ...]]
 """Residuals, derivatives and constants of a fit, and what is to be said of it."""
+_WEIGH_ALIKE = (
+    "Magnitude and phase are of unlike noise, but the fit that weighs each by its own failed ({}): both weigh alike."
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,14 +103,14 @@ def _begun(
     coarse = [form for form in forms if form.name in (f"smooth-{COARSE:g}", f"trend-{COARSE:g}")]
     kind = _likeliest(problem, family)
     weighed, weighing = weighed_by_noise(problem, [*problem.directions(every_shape(causes)), *coarse], kind)
-    if weighing.differs:
-        kind_weighed = _likeliest(weighed, family)
-        refit = fit_extended(weighed, (), kind_weighed, np.zeros(0), library=program, profile=False)
-        if refit.converged:
-            return weighed, weighing, (refit.residuals, refit.directions, refit.constants, ())
-    fitted = _fitted_in(problem, kind, program)
+    if not weighing.differs:
+        return problem, weighing, _fitted_in(problem, kind, program)
+    refit = fit_extended(weighed, (), _likeliest(weighed, family), np.zeros(0), library=program, profile=False)
+    if refit.converged:
+        return weighed, weighing, (refit.residuals, refit.directions, refit.constants, ())
+    residuals, directions, constants, remarks = _fitted_in(problem, kind, program)
     alike = Weighing(differs=False, factors=np.ones_like(weighing.factors), p_alike=weighing.p_alike)
-    return problem, alike, fitted
+    return problem, alike, (residuals, directions, constants, (*remarks, _WEIGH_ALIKE.format(refit.status)))
 
 
 def _likeliest(problem: DmaProblem, family: Sequence[Noise]) -> Noise:

@@ -161,6 +161,7 @@ def test_a_fit_that_fails_weighs_both_alike(tmp_path, monkeypatch):
     monkeypatch.setattr(examination, "fit_extended", failing)
     found = examination.examine_dma(problem, DMA_CAUSES[:2], np.random.default_rng(1))
     assert found.problem is problem and not found.weighing.differs
+    assert any("of unlike noise" in one and "(it failed)" in one for one in found.remarks)
     np.testing.assert_array_equal(found.residuals, problem.residuals())
 
 
