@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from arfjax import InputError
 from inverse.diagnosis.cause import AnyCause, Cause, require_causes
-from inverse.diagnosis.dma.cause import DmaCause
+from inverse.diagnosis.dma.cause import DmaCause, makes_rows_of_others
 from inverse.diagnosis.dma.causes import DMA_CAUSES
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.causes import HMI_CAUSES
@@ -36,7 +36,8 @@ def find_causes(wanted: Sequence[str | Cause], library: Sequence[AnyCause]) -> t
     for one in wanted:
         if isinstance(one, str):
             require_known([one], list(known))
-        cause = known[one] if isinstance(one, str) else _as_cause(one, kind)
+        of_library = any(one is other for other in library)
+        cause = known[one] if isinstance(one, str) else one if of_library else _as_cause(one, kind)
         if found.setdefault(cause.name, cause) is not cause:
             raise InputError(f"causes: two are called '{cause.name}': give one of them another name.")
     return tuple(found.values())
@@ -94,6 +95,11 @@ def _as_cause(one: object, kind: type[AnyCause]) -> AnyCause:
     for wrong, expected in _wrong_in(one):
         if wrong:
             raise InputError(f"causes: '{one.name}' needs {expected}; `Cause` says what each of them is.")
+    if isinstance(one, DmaCause) and not one.mixes_rows and makes_rows_of_others(one):
+        raise InputError(
+            f"causes: '{one.name}' makes a row's modulus of other rows': say `mixes_rows = True` in it, so that its "
+            "derivatives are taken for that."
+        )
     return one
 
 

@@ -1,5 +1,7 @@
 """What a cause may change between the constants of a solid and the modulus that an instrument reports."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -67,7 +69,13 @@ class DmaCause(Cause):
     A cause overrides `material` (it changes the constants of the solid) or `measured` (it changes the modulus that the
     instrument reports), and is nothing at strength 0. To add one, copy a file of `inverse/diagnosis/dma/causes` and put
     it into the library there.
+
+    Attributes:
+        mixes_rows: Whether `measured` makes a row's modulus of other rows' too. Where no cause does, derivatives in the
+            constants of all sweeps are taken at once, which makes refits of many sweeps several times as fast.
     """
+
+    mixes_rows: ClassVar[bool] = False
 
     def material(self, constants: Float[Array, "sweep 4"], strength: Strength) -> Float[Array, "sweep 4"]:
         """Constants of the solid of each sweep with the cause in it.
@@ -103,16 +111,73 @@ def predicted_modulus(
 ) -> Complex[Array, " row"]:
     """Modulus of every row [Pa] from the constants of every sweep and the strengths of the extensions."""
     strengths = jnp.zeros(len(extensions)) if strengths is None else strengths
+    solids = extended_solids(constants, extensions, strengths)
+    return measured_modulus(
+        solids[conditions.sweep], solids[conditions.sweep_before], conditions, extensions, strengths
+    )
+
+
+def extended_solids(
+    constants: Float[Array, "sweep 4"],
+    extensions: tuple[Extension[DmaCause], ...],
+    strengths: Float[Array, " extension"],
+) -> Float[Array, "sweep 4"]:
+    """Constants of the solid of each sweep as the extensions leave them."""
     for extension, strength in zip(extensions, strengths, strict=True):
         constants = extension.cause.material(constants, strength)
+    return constants
+
+
+def measured_modulus(
+    solids: Float[Array, "row 4"],
+    solids_before: Float[Array, "row 4"],
+    conditions: DmaConditions,
+    extensions: tuple[Extension[DmaCause], ...],
+    strengths: Float[Array, " extension"],
+) -> Complex[Array, " row"]:
+    """Modulus of every row [Pa], as the instrument reports it.
+
+    Args:
+        solids: Constants of the solid that each row is of.
+        solids_before: The same of the sweep that was visited before.
+        conditions: Of every row.
+        extensions: What changes the modulus on its way.
+        strengths: Of each of them.
+    """
 
     def row_modulus(row: Float[Array, " 4"], angular_frequency: Float[Array, ""]) -> Complex[Array, ""]:
         return complex_modulus(FractionalZener(*row), angular_frequency)
 
     of_rows = jax.vmap(row_modulus)
-    modulus = of_rows(constants[conditions.sweep], conditions.angular_frequency)
-    before = of_rows(constants[conditions.sweep_before], conditions.angular_frequency)
-    state = DmaState(conditions, before)
+    modulus = of_rows(solids, conditions.angular_frequency)
+    state = DmaState(conditions, before=of_rows(solids_before, conditions.angular_frequency))
     for extension, strength in zip(extensions, strengths, strict=True):
         modulus = extension.cause.measured(modulus, state, strength, extension.shape)
     return modulus
+
+
+def makes_rows_of_others(cause: DmaCause) -> bool:
+    """Whether `measured` makes some row's modulus of another row's, asked at three rows: two of one sweep, one more."""
+    rows = jnp.arange(1.0, 4.0)
+    conditions = DmaConditions(
+        angular_frequency=10.0 * rows,
+        temperature=jnp.array([30.0, 30.0, 40.0]),
+        time=60.0 * rows,
+        time_in_sweep=jnp.array([0.0, 1.0, 0.0]),
+        exposure=0.25 * rows,
+        level=jnp.full(3, 2e4),
+        softest=jnp.array(1e4),
+        stiffest=jnp.array(3e4),
+        sweep=jnp.array([0, 0, 1]),
+        visit=jnp.array([0, 0, 1]),
+        sweep_before=jnp.array([0, 0, 0]),
+    )
+
+    def reported(parts: Float[Array, "4 row"]) -> Float[Array, "2 row"]:
+        state = DmaState(conditions, before=parts[2] + 1j * parts[3])
+        modulus = cause.measured(parts[0] + 1j * parts[1], state, cause.plausible, cause.shapes[-1])
+        return jnp.stack([modulus.real, modulus.imag])
+
+    slope = jax.jacfwd(reported)(1e4 * jnp.outer(jnp.array([1.0, 0.3, 1.1, 0.4]), jnp.sqrt(rows)))
+    of_others = jnp.sum(jnp.abs(slope), axis=(0, 2)) * (1.0 - jnp.eye(3))
+    return bool(jnp.any(of_others > 0.0))

@@ -4,7 +4,6 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
@@ -17,6 +16,7 @@ from inverse.diagnosis.dma.white_residual import (
     WhiteResidual,
     constants_of,
     plain_of,
+    plain_slope_of,
     strength_scales,
     unconstrained_constants,
     white_and_slope,
@@ -223,12 +223,7 @@ class Refit:
 
     def _plain_slope(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "n unknown"]:
         """Derivative of the weighted prediction in all unknowns, not whitened."""
-        flat = eqx.tree_at(
-            lambda white: (white.log_deviation, white.correlation),
-            self.white,
-            (np.zeros_like(self.white.log_deviation), jnp.zeros(())),
-        )
-        return -np.asarray(white_and_slope(flat, jnp.asarray(unknowns), self._all)[1])
+        return -np.asarray(plain_slope_of(self.white, jnp.asarray(unknowns)))
 
     def _others(self, unknowns: Float[np.ndarray, " unknown"]) -> tuple[Alternative, ...]:
         causes, found = self.white.causes, []

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from inverse.diagnosis.cause import Extension
-from inverse.diagnosis.dma.cause import DmaCause, DmaConditions
-from inverse.diagnosis.dma.problem import DmaProblem, predict_coordinates
+from inverse.diagnosis.dma.cause import DmaCause, DmaConditions, extended_solids, measured_modulus
+from inverse.diagnosis.dma.problem import DmaProblem, coordinates_of_modulus
 from inverse.diagnosis.noise import Noise
 from inverse.parameters import Parameter, constrain, unconstrain
 
@@ -55,28 +55,74 @@ class WhiteResidual(eqx.Module):
         order = moved[:, 3:] if self.fractional else jnp.ones((len(values), 1))
         return jnp.concatenate([moved[:, :1], moved[:, :1] + moved[:, 1:2], moved[:, 2:3], order], axis=1)
 
+    def solids(self, unknowns: Float[Array, " unknown"]) -> Float[Array, "sweep 4"]:
+        """Constants as the causes that change the material leave them."""
+        return extended_solids(self.constants(unknowns), *self._added(unknowns))
+
     def plain(self, unknowns: Float[Array, " unknown"]) -> Float[Array, " n"]:
         """Measured less predicted, weighted."""
-        count = len(self.causes)
-        shapes = unknowns[count : 2 * count]
-        extensions = tuple(Extension(cause, shapes[i]) for i, cause in enumerate(self.causes))
-        predicted = predict_coordinates(
-            self.constants(unknowns), self.conditions, extensions, unknowns[:count] * self.scales, self.has_phase
-        )
-        return jnp.ravel(self.weights * (self.measured - predicted))
+        solids, sweep = self.solids(unknowns), self.conditions
+        return self.plain_of_rows(solids[sweep.sweep], solids[sweep.sweep_before], unknowns)
 
-    def __call__(self, unknowns: Float[Array, " unknown"], mask: Float[Array, " n"]) -> Float[Array, " n"]:
-        """The same in coordinates in which the noise is white; what the mask leaves out is zero."""
-        scaled = mask * self.plain(unknowns) * jnp.exp(-self.log_deviation)
+    def plain_of_rows(
+        self, solids: Float[Array, "row 4"], solids_before: Float[Array, "row 4"], unknowns: Float[Array, " unknown"]
+    ) -> Float[Array, " n"]:
+        """The same from the solid of each row; of the unknowns strengths and shapes matter alone."""
+        modulus = measured_modulus(solids, solids_before, self.conditions, *self._added(unknowns))
+        return jnp.ravel(self.weights * (self.measured - coordinates_of_modulus(modulus, self.has_phase)))
+
+    def white(self, plain: Float[Array, " n"], mask: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Residuals in coordinates in which the noise is white; what the mask leaves out is zero."""
+        scaled = mask * plain * jnp.exp(-self.log_deviation)
         later = (self.previous >= 0) & (mask[self.previous] > 0.0)
         innovation = (scaled - self.correlation * scaled[self.previous]) / jnp.sqrt(1.0 - self.correlation**2)
         return mask * jnp.where(later, innovation, scaled)
+
+    def __call__(self, unknowns: Float[Array, " unknown"], mask: Float[Array, " n"]) -> Float[Array, " n"]:
+        """What is left, white."""
+        return self.white(self.plain(unknowns), mask)
+
+    def plain_slope(self, unknowns: Float[Array, " unknown"]) -> Float[Array, "n unknown"]:
+        """Derivative of `plain` in all unknowns.
+
+        A row follows no solid but its own and that of the sweep before, so that one derivative for each constant serves
+        all sweeps: 28 instead of 90 of fifteen sweeps, a quarter of the time.
+        """
+        if any(cause.mixes_rows for cause in self.causes):
+            return jax.jacfwd(self.plain)(unknowns)
+        count, rows, unmoved = len(self.causes), self.conditions, jnp.zeros_like(unknowns)
+        solids, slope_of_solids = self.solids(unknowns), jax.jacfwd(self.solids)(unknowns)
+        at = solids[rows.sweep], solids[rows.sweep_before], unknowns
+        # Shapes of causes that have none move nothing.
+        direct = [*range(count), *(count + i for i, cause in enumerate(self.causes) if len(cause.shapes) > 1)]
+
+        def along(own, before, unknown):
+            return jax.jvp(self.plain_of_rows, at, (own, before, unknown))[1]
+
+        still = jnp.zeros_like(at[0])
+        each = jnp.broadcast_to(jnp.eye(4)[:, None], (4, *still.shape))
+        by_own = jax.vmap(lambda one: along(one, still, unmoved))(each)
+        by_before = jax.vmap(lambda one: along(still, one, unmoved))(each)
+        by_unknown = jax.vmap(lambda one: along(still, still, one))(jnp.eye(len(unknowns))[jnp.array(direct)])
+        coordinates = self.weights.shape[1]
+        own, before = (jnp.repeat(one, coordinates) for one in (rows.sweep, rows.sweep_before))
+        slope = jnp.einsum("kn,nku->nu", by_own, slope_of_solids[own])
+        slope += jnp.einsum("kn,nku->nu", by_before, slope_of_solids[before])
+        return slope.at[:, jnp.array(direct)].add(by_unknown.T)
+
+    def _added(self, unknowns: Float[Array, " unknown"]) -> tuple[tuple[Extension, ...], Float[Array, " cause"]]:
+        """Causes in their shapes, and their strengths."""
+        count = len(self.causes)
+        shapes = unknowns[count : 2 * count]
+        extensions = tuple(Extension(cause, shapes[i]) for i, cause in enumerate(self.causes))
+        return extensions, unknowns[:count] * self.scales
 
 
 @eqx.filter_jit
 def white_and_slope(residual_of: WhiteResidual, unknowns, mask):
     """Residuals and their derivative in all unknowns."""
-    return residual_of(unknowns, mask), jax.jacfwd(residual_of)(unknowns, mask)
+    slope = jax.vmap(residual_of.white, in_axes=(1, None), out_axes=1)(residual_of.plain_slope(unknowns), mask)
+    return residual_of(unknowns, mask), slope
 
 
 @eqx.filter_jit
@@ -89,6 +135,12 @@ def whitened(residual_of: WhiteResidual, unknowns, mask):
 def plain_of(residual_of: WhiteResidual, unknowns):
     """Measured less predicted, weighted and not whitened."""
     return residual_of.plain(unknowns)
+
+
+@eqx.filter_jit
+def plain_slope_of(residual_of: WhiteResidual, unknowns):
+    """Derivative of `plain_of` in all unknowns."""
+    return residual_of.plain_slope(unknowns)
 
 
 @eqx.filter_jit

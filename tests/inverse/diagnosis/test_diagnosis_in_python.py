@@ -136,6 +136,20 @@ def test_a_cause_of_ones_own_that_no_search_could_use(wrong, said):
         find_causes([type("Odd", (Backlash,), wrong)()], DMA_CAUSES)
 
 
+class Neighbours(Backlash):
+    """Averages a row with the one before, as filters of some instruments do."""
+
+    def measured(self, modulus, state, strength, shape):
+        return (1.0 - strength) * modulus + strength * jnp.roll(modulus, 1)
+
+
+def test_a_cause_of_ones_own_that_mixes_rows_has_to_say_so():
+    with pytest.raises(InputError, match="'backlash' makes a row's modulus of other rows': say `mixes_rows = True`"):
+        find_causes([Neighbours()], DMA_CAUSES)
+    said = type("Said", (Neighbours,), {"mixes_rows": True})()
+    assert find_causes([said], DMA_CAUSES) == (said,)
+
+
 def test_one_cause_in_place_of_a_list(file):
     with pytest.raises(InputError, match=r"`causes` must be a list, got Backlash: write \[...\] around it"):
         inspect.unwrap(inverse.diagnose)(file, causes=Backlash())
