@@ -17,10 +17,13 @@ import jax
 import numpy as np
 
 from benchmarks.calibration_cases import dma_case, hmi_case
+from benchmarks.diagnosis_record import stamp
 from inverse.figures.ranks import draw_ranks
 from inverse.sampling.rank_calibration import RankCalibration, by_importance, by_nuts, calibrate_ranks
 
 SEED = 20_000
+SOURCES = ("inverse/sampling/*.py", "inverse/inference/*.py", "inverse/*.py", "benchmarks/calibration*.py")
+"""Code that makes posteriors: ranks of other code are not added to."""
 CASES = {"dma": (dma_case, 400, by_nuts()), "hmi": (hmi_case, 100, by_importance())}
 _TITLES = {"dma": "A sweep of DMA", "hmi": "The chain of an HMI curve"}
 _ABOUT = {
@@ -80,6 +83,7 @@ def main() -> None:
                 n_replicates=given.replicates or usual,
                 seed=SEED,
                 file=given.out.with_name(f"{given.out.stem}_{name}.jsonl"),
+                made_by=stamp(SOURCES),
                 on_step=lambda done, of, name=name: print(f"{name}: {done} of {of}", flush=True),
             )
             given.out.write_text(json.dumps({key: one.as_dict() for key, one in found.items()}, indent=1) + "\n")

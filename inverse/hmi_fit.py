@@ -9,9 +9,10 @@ prior's centre, and minimises
     sum ((simulated - measured) / s)^2 + sum z^2
 
 by Levenberg-Marquardt with the exact Jacobian of the whole simulation chain. Where the data come without standard
-deviations, s is estimated with them: s^2 = (sum of squared differences) / (n - g), where g, the number of constants
-that the data determine, is the sum over constants of 1 minus the posterior variance of z (D. MacKay, Neural
-Computation 4 (1992) 415). Errors are those of the linearised posterior.
+deviations, s is estimated with them: s^2 = (sum of squared differences) / (n - g). The n readings do not count those of
+100 percent at the reference temperature, which no model can miss; g, the number of constants that the data determine,
+is the sum over constants of 1 minus the posterior variance of z (D. MacKay, Neural Computation 4 (1992) 415). Errors
+are those of the linearised posterior.
 """
 
 import dataclasses
@@ -21,12 +22,13 @@ from typing import Annotated
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, Strict, model_validator
 
 from arfjax import Discretisation, Exponential, InputError, Linear, Model, NormalisedPolynomial, StepwiseProtocol
 from inverse.datasets.hmi import HmiData
 from inverse.hmi_model import plan_sweeps, predict
+from inverse.inference.hmi import used_rows
 from inverse.least_squares import Descent, descend
 from inverse.parameters import Parameter, constrain
 from inverse.transforms import Positive
@@ -112,6 +114,7 @@ class Constants(eqx.Module):
 
 def _places(model: Model) -> tuple:
     attenuation, relaxation = model.liver.attenuation, model.lesion.viscoelasticity.relaxation_time
+    # As `constants_of` asks for, and as `tissues.lesion_viscoelasticity` makes it.
     assert isinstance(attenuation, NormalisedPolynomial) and isinstance(relaxation, Linear)
     stiffness = _stiffness(model)
     return attenuation.coefficients, stiffness.value, stiffness.rate, relaxation.value
@@ -127,7 +130,11 @@ def constants_of(model: Model, settings: CalibrationSettings) -> Constants:
     """The constants to fit, with priors about the model's own values."""
     anchors = np.asarray(settings.attenuation.anchor_temperatures_c)
     attenuation = model.liver.attenuation
-    assert isinstance(attenuation, NormalisedPolynomial)
+    if not isinstance(attenuation, NormalisedPolynomial):
+        raise InputError(
+            "the liver's attenuation is no polynomial in temperature alone, whose coefficients are what is fitted: set "
+            "`coagulation_doubles_attenuation = false` under liver."
+        )
     percent = np.asarray(attenuation.percent(anchors))
     if np.any(percent <= 0.0):
         raise InputError("`calibration.attenuation.anchor_temperatures_c`: the polynomial is not positive there.")
@@ -251,12 +258,14 @@ def fit_hmi(
         return jnp.concatenate([(simulate(z) - measured) / sd, z])
 
     given = data.sd is not None
+    in_time = data.temperature is None
+    informative = np.arange(len(measured)) if in_time else used_rows(data, settings.reference_temperature_c)
     sd = np.asarray(data.sd) / unit if given else np.full(len(measured), _FIRST_NOISE_PERCENT)
     fit = _at_noise(residuals, np.zeros(len(constants.parameters)), sd, on_step, max_steps)
     before = fit.differences_at_start
     settled = given
     for _ in range(0 if given else _MOST_NOISE_UPDATES):
-        estimate = fit.noise_estimate
+        estimate = fit.noise_estimate(informative)
         settled = bool(abs(estimate / sd[0] - 1.0) < _NOISE_TOLERANCE)
         if settled:
             break
@@ -289,11 +298,10 @@ class _Posterior:
         """Number of constants that the data determine."""
         return len(self.z) - float(np.trace(self.covariance))
 
-    @property
-    def noise_estimate(self) -> float:
-        """Standard deviation of the data that the differences speak for."""
-        freedom = len(self.differences) - self.determined
-        return float(np.sqrt(np.sum(self.differences**2) / freedom))
+    def noise_estimate(self, rows: Int[np.ndarray, " some"]) -> float:
+        """Standard deviation of the data that the differences in some rows speak for."""
+        freedom = len(rows) - self.determined
+        return float(np.sqrt(np.sum(self.differences[rows] ** 2) / freedom))
 
 
 def _at_noise(residuals, start, sd, on_step, max_steps) -> _Posterior:

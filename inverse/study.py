@@ -30,7 +30,7 @@ from inverse.sampling import (
     sample_nuts,
     walkers_from_laplace,
 )
-from inverse.sampling.target import batched_log_density
+from inverse.sampling.target import batched_log_density, require_resumable
 
 
 class Sampler(enum.StrEnum):
@@ -80,6 +80,7 @@ class Study:
         found += (
             [] if self.laplace is None or self.laplace.is_sound else [f"Normal approximation: {self.laplace.message}."]
         )
+        found += [] if self.evidence is None else [f"Evidence: {warning}" for warning in self.evidence.warnings]
         return (*found, *(() if self.diagnostics is None else self.diagnostics.complaints))
 
 
@@ -135,12 +136,14 @@ def infer(
         on_step: Told in words how far it is.
 
     Raises:
-        InputError: if a posterior is asked for and a parameter has no prior.
+        InputError: if a posterior is asked for and a parameter has no prior, or the file is of another run.
     """
     if sampler is not Sampler.NONE and not problem.parameters.has_priors:
         bare = [entry.name for entry in problem.parameters.entries if entry.parameter.prior is None]
         raise InputError(f"`{bare[0]}` has no prior, so that there is no posterior: give one, or sample nothing.")
     problem = as_arrays(problem)
+    if file is not None and file.exists():
+        require_resumable(file, problem, {"sampler": sampler.value, "seed": seed})
     study = _fitted(problem, seed, effort, on_step)
     if sampler is Sampler.NONE:
         return study

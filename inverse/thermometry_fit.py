@@ -32,6 +32,7 @@ _CURVE_POINTS = 401
 _FLATTEST, _LONGEST = 1.0, 400.0  # ratio of diffusion times: a beam's source is longer along the beam than across
 _PROFILE = (1.01, 1.5, 2.5, 5.0, 10.0, 20.0, 40.0, 80.0, 390.0)  # ratios at which the others are fitted again
 _SIGNIFICANT = 3.84  # rise of chi-square that bounds 95 % of one constant
+_LOWER_MINIMUM = 0.02  # fall of chi-square below the fit's that is a lower minimum and not rounding
 _HOLD = 1e3  # of the row that holds the ratio
 _MAX_STEPS = 60
 
@@ -49,6 +50,7 @@ class HeatingFit:
         fitted: Temperature of the fit at all rows [degC].
         ratio_range: Ratios of diffusion times between which chi-square, with all else fitted again, is within 95 %
             of its lowest; None where an end of the fit's own range is.
+        ratio_doubt: What is wrong with that range, in a sentence; empty if nothing is.
         curve_time: Evenly spaced times from the first row to the last [s].
         curve: Temperature of the fit there [degC].
         used: Rows that were fitted: those that are not occluded.
@@ -69,6 +71,7 @@ class HeatingFit:
     uncertainty: Uncertainty
     fitted: Float[np.ndarray, " rows"]
     ratio_range: tuple[float | None, float | None]
+    ratio_doubt: str
     curve_time: Float[np.ndarray, " curve"]
     curve: Float[np.ndarray, " curve"]
     used: np.ndarray
@@ -91,7 +94,8 @@ class HeatingFit:
         """Everything that a reader of the numbers has to know."""
         outcome = () if self.converged else (f"The fit did not converge: {self.status}.",)
         unsure = (*self.uncertainty.not_identified.values(), *self.uncertainty.remarks)
-        return (*outcome, *unsure, *_pairs(self.uncertainty), self._profile(), *self._noise())
+        doubt = (self.ratio_doubt,) if self.ratio_doubt else ()
+        return (*outcome, *unsure, *_pairs(self.uncertainty), self._profile(), *doubt, *self._noise())
 
     def _profile(self) -> str:
         low, high = self.ratio_range
@@ -125,7 +129,8 @@ def fit_heating(
 
     Args:
         data: From `read_thermometry`.
-        baseline: Temperature before heating, from which rises are counted [degC]; that of the first row when None.
+        baseline: Temperature before heating, from which rises are counted [degC]; that of the first row that is not
+            occluded when None.
         seed: Of the starts but the first, which is read off the data.
         n_starts: Number of starts.
         on_step: Told in words how far it is.
@@ -136,6 +141,7 @@ def fit_heating(
     """
     require_double_precision()
     used = ~data.occluded
+    baseline = float(data.temperature[used][0]) if baseline is None and np.any(used) else baseline
     baseline = float(data.temperature[0]) if baseline is None else baseline
     _require_heating(data, used, baseline)
     time, rise = data.time[used], data.temperature[used] - baseline
@@ -166,6 +172,8 @@ def fit_heating(
         ends=[p.transform.end(float(u)) for p, u in zip(parameters, best, strict=True)],
         in_standard_deviations=data.sd is not None,
     )
+    variance = 1.0 if data.sd is not None else uncertainty.residual_variance
+    ratio_range, ratio_doubt = _ratio_range(problem, best, variance, on_step)
     return HeatingFit(
         data=data,
         baseline=baseline,
@@ -173,7 +181,8 @@ def fit_heating(
         values=values,
         uncertainty=uncertainty,
         fitted=fitted,
-        ratio_range=_ratio_range(problem, best, 1.0 if data.sd is not None else uncertainty.residual_variance, on_step),
+        ratio_range=ratio_range,
+        ratio_doubt=ratio_doubt,
         curve_time=curve_time,
         curve=curve,
         used=used,
@@ -287,9 +296,10 @@ def _best_of(problem: _Problem, starts: np.ndarray, on_step: Callable[[str], Non
 
 def _ratio_range(
     problem: _Problem, best: Array, variance: float, on_step: Callable[[str], None]
-) -> tuple[float | None, float | None]:
-    """Ratios at which chi-square, minimised over the other constants, has risen by `_SIGNIFICANT`."""
+) -> tuple[tuple[float | None, float | None], str]:
+    """Ratios at which chi-square, minimised over the other constants, has risen by `_SIGNIFICANT`, and any doubt."""
     lowest, logs, rises = float(jnp.sum(_residual(best, problem) ** 2)), [], []
+    stopped = 0
     middle = float(constrain(problem.parameters, best)[_RATIO])
     for ratio in _PROFILE:
         held = eqx.tree_at(lambda p: (p.hold, p.held_ratio), problem, (jnp.asarray(_HOLD), jnp.asarray(ratio)))
@@ -297,12 +307,19 @@ def _ratio_range(
         end = _descend(held, start, on_step, f"ratio held at {ratio:g}")
         logs.append(np.log(ratio))
         rises.append((float(jnp.sum(end.residual**2)) - lowest) / variance)
+        stopped += not end.converged
     # Chi-square over the logarithm of the ratio is smooth: its root interpolates well.
     logs, depth = np.asarray([*logs, np.log(middle)]), np.sqrt(np.maximum([*rises, 0.0], 0.0))
     order = np.argsort(logs)
     logs, depth, bound = logs[order], depth[order], np.sqrt(_SIGNIFICANT)
     place = int(np.flatnonzero(order == len(_PROFILE))[0])
-    return _crossing(logs[place::-1], depth[place::-1], bound), _crossing(logs[place:], depth[place:], bound)
+    ends = _crossing(logs[place::-1], depth[place::-1], bound), _crossing(logs[place:], depth[place:], bound)
+    doubts = []
+    if stopped:
+        doubts.append(f"{stopped} of {len(_PROFILE)} fits of the other constants did not converge")
+    if min(rises) < -_LOWER_MINIMUM:
+        doubts.append("one of them fits better than the fit: fit again from more starts")
+    return ends, f"The range of diffusion_time_ratio is in doubt: {'; '.join(doubts)}." if doubts else ""
 
 
 def _crossing(logs: np.ndarray, depth: np.ndarray, bound: float) -> float | None:

@@ -10,7 +10,8 @@ import typer
 
 from arfjax import InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.infer_report import parameter_rows, report, results, write_parameters
+from inverse.commands.infer_report import evidence_line, parameter_rows, report, results, write_parameters
+from inverse.commands.partial import StoppedEarly
 from inverse.datasets.dma import Sweep, group_sweeps, read_dma
 from inverse.datasets.hmi import read_hmi
 from inverse.figures.posterior import (
@@ -37,6 +38,9 @@ from inverse.sampling import left_out, posterior_record, save_posterior
 from inverse.study import Effort, Sampler, Study, infer
 
 _MOST_SEPARATE = 4
+_MOST_STARTS_OF_HMI = 4
+_FARTHEST_SWEEP_K = 10.0
+"""From all temperatures of a file [K], beyond which the one asked for is a mistake, such as kelvin."""
 _VERIFIED = 6
 _LOOKED_AT = 200
 _MOST_AT_EDGE = 0.02
@@ -63,7 +67,10 @@ def infer_command(
     sampler: Annotated[
         Sampler | None, typer.Option(help="How the posterior is explored; nuts, or importance with HMI, if not given.")
     ] = None,
-    temperature: Annotated[float | None, typer.Option(help="The sweep nearest to this temperature [degC].")] = None,
+    temperature: Annotated[
+        float | None,
+        typer.Option(help="The sweep nearest to this temperature [degC]; of each sample with --across sample."),
+    ] = None,
     across: Annotated[
         Across, typer.Option(help="Constants of all sweeps, or sonications, from one population.")
     ] = Across.NONE,
@@ -75,8 +82,9 @@ def infer_command(
         int, typer.Option(help="Steps of emcee, or evaluations of importance sampling, at most.", min=100)
     ] = 20_000,
     evidence: Annotated[bool, typer.Option("--evidence", help="Estimate the evidence, too.")] = False,
+    trust_units: Annotated[bool, typer.Option("--trust-units", help="Believe units that look wrong.")] = False,
     profiles: Annotated[bool, typer.Option(help="Profile likelihoods.")] = True,
-    starts: Annotated[int, typer.Option(help="Starts of the fit.", min=1)] = 16,
+    starts: Annotated[int, typer.Option(help="Starts of the fit; four at most with HMI.", min=1)] = 16,
     seed: Annotated[int, typer.Option(help="Seed of starts and samplers.", min=0)] = 0,
 ) -> None:
     """Fit, audit the fit, and sample the posterior of constants given DMA, HMI or both.
@@ -93,47 +101,61 @@ def infer_command(
         raise InputError("HMI needs an experiment file: `arfjax infer EXPERIMENT.toml --hmi FILE --out DIR`.")
     if evidence and sampler in (Sampler.LAPLACE, Sampler.NONE):
         raise InputError("--evidence needs draws of the posterior: take --sampler nuts, emcee or importance.")
+    if dma is None and (trust_units or temperature is not None):
+        raise InputError("--trust-units and --temperature are of a DMA: leave them out, or give --dma FILE.")
     _check_across(across, varying, experiment, hmi)
     sampler = sampler or (Sampler.NUTS if hmi is None else Sampler.IMPORTANCE)
-    sweeps = [] if dma is None else _sweeps(dma, temperature, across, alone=experiment is None)
+    sweeps = [] if dma is None else _sweeps(dma, temperature, across, trust_units, alone=experiment is None)
+    starts = starts if hmi is None else min(starts, _MOST_STARTS_OF_HMI)
     effort = Effort(
-        starts=starts if hmi is None else min(starts, 4),
+        starts=starts,
         draws=draws,
         most_steps=steps,
         most_evaluations=steps,
         with_profiles=profiles,
         chunk=None if hmi is None else _BATCH,
     )
-    with working("reading") as say:
+    # Before anything is computed: a folder that cannot be written to is told at once.
+    with working("reading") as say, output_directory(out) as folder:
         problem, panels, made = _problem(experiment, sweeps, hmi, across, varying or [], seed, say)
-        out.mkdir(parents=True, exist_ok=True)
         file = out / "run.h5" if sampler in (Sampler.NUTS, Sampler.EMCEE) else None
-        study = infer(problem, sampler=sampler, seed=seed, effort=effort, evidence=evidence, file=file, on_step=say)
+        try:
+            study = infer(problem, sampler=sampler, seed=seed, effort=effort, evidence=evidence, file=file, on_step=say)
+        except KeyboardInterrupt:
+            if file is None or not file.exists():
+                raise
+            raise StoppedEarly(f"draws so far are kept in {file}; the same command goes on from there.") from None
         checked, remark = None, "" if made is None else made.remark
         if made is not None and study.draws is not None:
             checked = made.verify(study.draws.spread_evenly(_VERIFIED), on_step=say)
             remark = " ".join(each for each in (remark, _cut_off(made, study)) if each)
-        with output_directory(out) as folder:
-            say("figures")
-            figures, note = _write_posterior(folder, study, panels, seed)
-            remark = " ".join(each for each in (remark, note) if each)
-            write_parameters(folder / "parameters.csv", study)
-            inputs = {name: path for name, path in given.items() if path is not None}
-            (folder / "report.md").write_text(report(study, inputs, figures, checked, remark), encoding="utf-8")
-            write_summary(
-                folder,
-                command="infer",
-                inputs=inputs,
-                seed=seed,
-                settings={
-                    "sampler": sampler.value,
-                    "across": across.value,
-                    "varying": varying or [],
-                    "draws": draws,
-                    "starts": starts,
-                },
-                results=results(study, checked, remark),
-            )
+        say("figures")
+        figures, note = _write_posterior(folder, study, panels, seed)
+        remark = " ".join(each for each in (remark, note) if each)
+        write_parameters(folder / "parameters.csv", study)
+        inputs = {name: path for name, path in given.items() if path is not None}
+        labels = [sweep.label for sweep in sweeps]
+        (folder / "report.md").write_text(report(study, inputs, labels, figures, checked, remark), encoding="utf-8")
+        write_summary(
+            folder,
+            command="infer",
+            inputs=inputs,
+            seed=seed,
+            settings={
+                "sampler": sampler.value,
+                "temperature": temperature,
+                "sweeps": labels,
+                "across": across.value,
+                "varying": varying or [],
+                "draws": draws,
+                "steps": steps,
+                "evidence": evidence,
+                "profiles": profiles,
+                "trust_units": trust_units,
+                "starts": starts,
+            },
+            results=results(study, checked, remark),
+        )
     _show(study, remark, out)
 
 
@@ -150,10 +172,15 @@ def _check_across(across: Across, varying: list[str] | None, experiment: Path | 
         )
 
 
-def _sweeps(path: Path, temperature: float | None, across: Across, *, alone: bool) -> list[Sweep]:
-    sweeps = list(group_sweeps(read_dma(path)))
+def _sweeps(path: Path, temperature: float | None, across: Across, trust_units: bool, *, alone: bool) -> list[Sweep]:
+    sweeps = list(group_sweeps(read_dma(path, trust_units=trust_units)))
     if temperature is not None:
-        sweeps = [min(sweeps, key=lambda sweep: abs(sweep.temperature_c - temperature))]
+        sweeps = _nearest(path, sweeps, temperature, each_sample=across is Across.SAMPLE)
+    if across in (Across.SAMPLE, Across.TEMPERATURE) and len(sweeps) < 2:
+        raise InputError(
+            f"--across {across.value}: a population needs two sweeps or more, here is one ({sweeps[0].label}); leave "
+            "--across or --temperature out."
+        )
     if alone and across is Across.NONE and len(sweeps) > _MOST_SEPARATE:
         raise InputError(
             f"{path}: holds {len(sweeps)} sweeps; choose one by --temperature, or let their constants come from one "
@@ -163,6 +190,19 @@ def _sweeps(path: Path, temperature: float | None, across: Across, *, alone: boo
     if alone and short:
         raise InputError(f"{path}: the sweep at {short[0].label} has a single frequency, which fixes no constants.")
     return sweeps
+
+
+def _nearest(path: Path, sweeps: list[Sweep], temperature: float, *, each_sample: bool) -> list[Sweep]:
+    """The sweep nearest to a temperature, or that of each sample."""
+    coldest, hottest = (limit(sweep.temperature_c for sweep in sweeps) for limit in (min, max))
+    if not coldest - _FARTHEST_SWEEP_K <= temperature <= hottest + _FARTHEST_SWEEP_K:
+        raise InputError(
+            f"--temperature {temperature:g}: sweeps of {path} are at {coldest:.1f} to {hottest:.1f} degC; give one of "
+            "their temperatures in degC."
+        )
+    samples = dict.fromkeys(sweep.sample for sweep in sweeps)
+    parts = [[s for s in sweeps if s.sample == sample] for sample in samples] if each_sample else [sweeps]
+    return [min(part, key=lambda sweep: abs(sweep.temperature_c - temperature)) for part in parts]
 
 
 def _problem(
@@ -225,4 +265,5 @@ def _write_posterior(folder: Path, study: Study, panels: dict[str, list[Panel]],
 def _show(study: Study, remark: str, out: Path) -> None:
     header, rows = parameter_rows(study)
     show_table("constants", header, rows, left=2)
-    show_lines([*study.warnings, *([remark] if remark else []), f"written to {out}"])
+    weighed = [] if study.evidence is None else [evidence_line(study.evidence)]
+    show_lines([*weighed, *study.warnings, *([remark] if remark else []), f"written to {out}"])

@@ -11,6 +11,7 @@ import numpy as np
 from inverse.fast_hmi import Verification
 from inverse.inference.profile import Profile, Stop
 from inverse.output import quantity
+from inverse.sampling import Evidence
 from inverse.study import Study
 
 FAST_ACCURACY = 5e-3
@@ -44,8 +45,7 @@ def parameter_rows(study: Study) -> tuple[tuple[str, ...], list[list[str]]]:
             str(row["unit"]),
             _number(row["estimate"]),
             _number(row["standard_error"], 2),
-            _range(row.get("profile_lower"), row.get("profile_upper"))
-            + _DOUBTFUL * (row.get("profile_converged") is False),
+            row.get("profile_said", "") + _DOUBTFUL * (row.get("profile_converged") is False),
             _number(row.get("posterior_mean")),
             _number(row.get("posterior_sd"), 2),
             _range(row.get("posterior_5_percent"), row.get("posterior_95_percent")),
@@ -83,7 +83,10 @@ def results(study: Study, checked: Verification | None, remark: str = "") -> dic
             "complaints": list(study.diagnostics.complaints),
         }
     if study.evidence is not None:
-        found["log_evidence"] = quantity(study.evidence.log_evidence, "nats", study.evidence.standard_error)
+        found["log_evidence"] = {
+            **quantity(study.evidence.log_evidence, "nats", study.evidence.standard_error),
+            "converged": study.evidence.converged,
+        }
     if checked is not None:
         found["fast_model"] = {"models": len(checked.covered), "largest_error": checked.largest_error}
     return found
@@ -92,13 +95,15 @@ def results(study: Study, checked: Verification | None, remark: str = "") -> dic
 def report(
     study: Study,
     inputs: Mapping[str, Path],
+    sweeps: Sequence[str],
     figures: Sequence[str],
     checked: Verification | None,
     remark: str = "",
 ) -> str:
-    """The report, as Markdown; `remark` is what must be known of how a fast model was made."""
+    """The report, as Markdown; `sweeps` are used, `remark` is what must be known of how a fast model was made."""
     header, rows = parameter_rows(study)
     lines = [f"# Inference from {' and '.join(path.name for path in inputs.values())}", ""]
+    lines += [f"Sweeps: {'; '.join(sweeps)}.", ""] if sweeps else []
     lines += [*_table(header, rows), "", *_fit_lines(study)]
     lines += _posterior_lines(study, checked, remark)
     lines += ["## What was believed before", "", *_table(("parameter", "prior", "source"), _beliefs(study)), ""]
@@ -120,7 +125,7 @@ def _posterior_lines(study: Study, checked: Verification | None, remark: str) ->
     lines = ["## Posterior", "", f"{study.draws.sampler}, seed {study.draws.seed}: {study.draws.message}.", ""]
     lines += [f"- {each}" for each in study.diagnostics.complaints]
     if study.evidence is not None:
-        lines += [f"- log evidence {study.evidence.log_evidence:.3f} ± {study.evidence.standard_error:.2g} nats"]
+        lines += [f"- {evidence_line(study.evidence)}"]
         lines += [f"- {each}" for each in study.evidence.warnings]
     lines += [f"- {remark}"] if remark else []
     if checked is not None:
@@ -129,6 +134,11 @@ def _posterior_lines(study: Study, checked: Verification | None, remark: str) ->
             f"{100.0 * checked.largest_error:.2g} % of their largest value at most{_judged(checked)}."
         ]
     return [*lines, "", *_table(study.diagnostics.columns, study.diagnostics.table), ""]
+
+
+def evidence_line(evidence: Evidence) -> str:
+    """The logarithm of the evidence, in words."""
+    return f"log evidence {evidence.log_evidence:.3f} ± {evidence.standard_error:.2g} nats"
 
 
 def _judged(checked: Verification) -> str:
@@ -140,6 +150,14 @@ def _judged(checked: Verification) -> str:
 def _open_ends(profile: Profile) -> list[str]:
     sides = zip(("lower", "upper"), profile.ends, strict=True)
     return [f"the {name} side {said}" for name, said in sides if said != Stop.CROSSED.value]
+
+
+def _interval(profile: Profile) -> str:
+    """Its ends, with none where the data set no limit."""
+    (low, high), (below, above) = profile.interval, (stop is Stop.CROSSED for stop in profile.stops)
+    if below and above:
+        return f"{low:.3g} to {high:.3g}"
+    return f"> {low:.3g}" if below else f"< {high:.3g}" if above else "open"
 
 
 def _beliefs(study: Study) -> list[list[str]]:
@@ -169,6 +187,7 @@ def _rows(study: Study) -> list[dict[str, Any]]:
             one = profiles[name]
             row |= {"profile_lower": one.interval[0], "profile_upper": one.interval[1], "profile_level": one.level}
             row["profile_ends"] = "; ".join(one.ends)
+            row["profile_said"] = _interval(one)
             row["profile_converged"] = one.converged
         if name in drawn:
             found = drawn[name]

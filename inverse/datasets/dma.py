@@ -163,7 +163,7 @@ def read_dma(path: Path | str, *, trust_units: bool = False) -> DmaData:
     """Read a measurement file.
 
     Columns: `frequency_hz`, `temperature_c`, `storage_modulus_pa` and `loss_modulus_pa` (or `modulus_magnitude_pa`; or
-    `tan_delta` beside the storage modulus or the magnitude); optional `storage_modulus_sd_pa`, `loss_modulus_sd_pa`,
+    `tan_delta` beside one of the three); optional `storage_modulus_sd_pa`, `loss_modulus_sd_pa`,
     `modulus_magnitude_sd_pa`, `sample`, `time_s`. Other usual headers and units are recognised ("Frequency (Hz)",
     omega_rad_s, "E' (MPa)", temp_C, ...), as is a row of units.
 
@@ -198,7 +198,7 @@ def read_dma(path: Path | str, *, trust_units: bool = False) -> DmaData:
         modulus_magnitude_sd=numbers.get("modulus_magnitude_sd"),
         time_s=numbers.get("time"),
         sample=columns.labels.get("sample", ()),
-        ignored_columns=(*columns.ignored, *_tangent_beside_both(columns)),
+        ignored_columns=(*columns.ignored, *_unused(columns, _used(numbers))),
     )
 
 
@@ -252,15 +252,26 @@ def _frequency(columns: Columns) -> Float[np.ndarray, " n"]:
     )
 
 
-def _tangent_beside_both(columns: Columns) -> tuple[str, ...]:
-    """The header of the loss tangent where both moduli are there: it says nothing more."""
-    both = {"storage_modulus", "loss_modulus", "loss_tangent"} <= columns.numbers.keys()
-    return (columns.header("loss_tangent"),) if both else ()
+def _unused(columns: Columns, used: frozenset[str]) -> tuple[str, ...]:
+    """Headers of quantities that others say already, or that nothing is done with beside them."""
+    return tuple(columns.header(name) for name in columns.numbers if name not in used)
+
+
+def _used(numbers: dict[str, Float[np.ndarray, " n"]]) -> frozenset[str]:
+    """Quantities that data are made of."""
+    always = {"temperature", "time", "frequency" if "frequency" in numbers else "angular_frequency"}
+    if pair := _saying_both(numbers):
+        return frozenset(always | _SAYING_BOTH[pair] | {"storage_modulus_sd", "loss_modulus_sd"})
+    return frozenset(always | {"modulus_magnitude", "modulus_magnitude_sd"})
 
 
 def _moduli(columns: Columns):
     """Storage and loss modulus (None without both) and magnitude."""
-    numbers, table = _with_loss(columns.numbers), columns.table
+    table = columns.table
+    if _saying_both(columns.numbers) == "loss" and np.any(none := columns.numbers["loss_tangent"] == 0.0):
+        row, header = int(np.argmax(none)), columns.header("loss_tangent")
+        table.refuse("a loss tangent of 0 gives no storage modulus; add that column.", row=row, column=header)
+    numbers = _with_both(columns.numbers)
     pair = [name for name in ("storage_modulus", "loss_modulus") if name in numbers]
     if len(pair) == 1 and "modulus_magnitude" not in numbers:
         other = "loss_modulus" if pair == ["storage_modulus"] else "storage_modulus"
@@ -286,15 +297,30 @@ def _moduli(columns: Columns):
     return None, None, numbers["modulus_magnitude"]
 
 
-def _with_loss(numbers: dict[str, Float[np.ndarray, " n"]]) -> dict[str, Float[np.ndarray, " n"]]:
-    """Moduli with those that follow from a loss tangent, where one of the two is missing."""
-    if "loss_tangent" not in numbers or {"storage_modulus", "loss_modulus"} <= numbers.keys():
+_SAYING_BOTH = {
+    "moduli": {"storage_modulus", "loss_modulus"},
+    "storage": {"storage_modulus", "loss_tangent"},
+    "magnitude": {"modulus_magnitude", "loss_tangent"},
+    "loss": {"loss_modulus", "loss_tangent"},
+}
+"""Pairs that give both moduli, the one that is taken first."""
+
+
+def _saying_both(numbers: dict[str, Float[np.ndarray, " n"]]) -> str:
+    """The pair that gives both moduli; empty where none does."""
+    return next((name for name, pair in _SAYING_BOTH.items() if pair <= numbers.keys()), "")
+
+
+def _with_both(numbers: dict[str, Float[np.ndarray, " n"]]) -> dict[str, Float[np.ndarray, " n"]]:
+    """Quantities with both moduli among them, where a loss tangent gives the one that is missing."""
+    pair = _saying_both(numbers)
+    if pair in ("", "moduli"):
         return numbers
     tangent = numbers["loss_tangent"]
-    if "storage_modulus" in numbers:
+    if pair == "storage":
         storage = numbers["storage_modulus"]
-    elif "modulus_magnitude" in numbers:
+    elif pair == "magnitude":
         storage = numbers["modulus_magnitude"] / np.sqrt(1.0 + tangent**2)
     else:
-        return numbers
+        storage = numbers["loss_modulus"] / tangent
     return {**numbers, "storage_modulus": storage, "loss_modulus": storage * tangent}

@@ -170,7 +170,9 @@ def dma_problem(
         solids.append(ZenerConstants(0.5 * lowest, highest, middle, 0.5 if fractional else 1.0))
         entries.append(_constants(sweep, index, sweeps, fractional, with_priors))
     if across is not None:
-        labels = tuple(sweep.label if across != "sample" else sweep.sample or sweep.label for sweep in sweeps)
+        samples = [sweep.sample for sweep in sweeps]
+        once = across == "sample" and all(samples) and len(set(samples)) == len(samples)
+        labels = tuple(samples if once else [sweep.label for sweep in sweeps])
         free += [_population(constants, labels, across) for constants in zip(*entries, strict=True)]
     else:
         free += [entry for constants in entries for entry in constants]

@@ -65,6 +65,9 @@ class PriorSection(_Section):
         missing = [name for name in _NEEDED[self.kind] if getattr(self, name) is None]
         if missing:
             raise ValueError(f"a {self.kind} prior needs {' and '.join(_NEEDED[self.kind])}; {missing[0]} is missing")
+        known = (*_NEEDED[self.kind], *(("median",) if self.kind == "log-normal" else ()))
+        if other := sorted(self.model_fields_set - {"kind", "source", *known}):
+            raise ValueError(f"a {self.kind} prior has no {other[0]}; it takes {' and '.join(known)}")
         return self
 
     def prior(self, standing: float) -> Prior:
@@ -160,15 +163,25 @@ def inference_settings(described: Experiment, name: str) -> InferenceSettings:
         raise InputError(f"{name}: [inference] {explain(error, InferenceSettings)}") from None
 
 
+_AT_ANCHORS = "model.liver.attenuation.values"
+
+
 def anchored(model: Model, settings: InferenceSettings) -> Model:
     """The model with the liver's attenuation given by its values at the anchors, where it is a polynomial.
 
     Raises:
-        InputError: if there are fewer anchors than the polynomial has coefficients.
+        InputError: if there are fewer anchors than the polynomial has coefficients, or values at them are free where
+            the attenuation is no polynomial.
     """
     law = model.liver.attenuation
     if not isinstance(law, NormalisedPolynomial):
-        return model
+        free = [section.place for section in settings.parameters or DEFAULTS]
+        if isinstance(law, PolynomialThrough) or not any(place.startswith(_AT_ANCHORS) for place in free):
+            return model
+        raise InputError(
+            f"`{_AT_ANCHORS}` is free, but the liver's attenuation is no polynomial in temperature alone: set "
+            "`coagulation_doubles_attenuation = false` under liver, or name other `inference.parameters`."
+        )
     anchors = settings.attenuation_anchors_c
     if len(anchors) != len(law.coefficients):
         raise InputError(

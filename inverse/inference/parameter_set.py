@@ -26,8 +26,9 @@ class ParameterSet(eqx.Module):
     entries: tuple[Entry, ...]
 
     def __check_init__(self) -> None:
-        """Refuse two entries of one name."""
-        names = [entry.name for entry in self.entries]
+        """Refuse two values of one name, whether of two entries or of two groups of one."""
+        entries = [entry.name for entry in self.entries]
+        names = entries if len(set(entries)) < len(entries) else list(self.names)
         double = sorted({name for name in names if names.count(name) > 1})
         if double:
             raise InputError(f"two parameters are called `{double[0]}`; names must differ.")

@@ -78,7 +78,7 @@ class SobolSensitivity:
         level: Of the intervals.
         variance: Of each result over the priors.
         n_evaluations: Models that were computed.
-        seed: Of the sample.
+        seed: Of the sample; intervals resample it anew at each call, so that their ends scatter a little.
     """
 
     names: tuple[str, ...]

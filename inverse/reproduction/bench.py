@@ -46,7 +46,6 @@ TEMPERATURES = (35.0, 40.0, 45.0, 50.0, 55.0, 60.0, 65.0, 70.0)
 SHARP_WIDTH = 0.2e-3  # m; two elements of the mesh here
 
 LESIONS = ("table", "semi-axes", "dose")
-EDGES = ("linear", "sharp", "dose")
 MODULI = {"Young": YoungModulus(), "shear": ShearModulus(), "constrained": ConstrainedModulus()}
 LIVERS = ("1.1 kPa", "1.1 Pa")
 

@@ -66,7 +66,8 @@ def opened(path: Path) -> Iterator[h5py.File]:
         file = h5py.File(path, "r")
     except OSError:
         raise InputError(
-            f"{path}: is no HDF5 file of a run that could be resumed; name another file, or delete it."
+            f"{path}: is no HDF5 file of a run that could be resumed; delete it to begin anew, or keep this run "
+            "elsewhere."
         ) from None
     with file:
         yield file
@@ -82,5 +83,5 @@ def refuse_other_settings(found: dict, wanted: dict[str, str | int | float], pla
         if found.get(name) != value:
             raise InputError(
                 f"{place}: was begun with `{name}` {found.get(name, 'unknown')}, asked for is {value}: go on with the "
-                "former, or name another file."
+                "former, delete it to begin anew, or keep this run elsewhere."
             )

@@ -16,7 +16,7 @@ from jaxtyping import Float, PRNGKeyArray
 from arfjax.errors import InputError
 from inverse.inference.problem import Problem
 from inverse.sampling.autocorrelation import StopRule, integrated_time
-from inverse.sampling.checkpoint import opened, refuse_other_settings, replaced
+from inverse.sampling.checkpoint import opened, replaced
 from inverse.sampling.draws import Draws
 from inverse.sampling.inference_data import rank_r_hat
 from inverse.sampling.laplace import Laplace
@@ -24,8 +24,8 @@ from inverse.sampling.target import (
     batched_log_density,
     fingerprint,
     prior_points,
-    refuse_other_problem,
     require_posterior,
+    require_resumable,
     usable_points,
 )
 
@@ -200,12 +200,9 @@ def _prepare(file: Path | None, problem: Problem, start: Float[np.ndarray, "walk
         backend = _BlockBackend(file)
         backend.create(len(start), start.shape[1], {**fingerprint(problem), **settings, "seconds": 0.0})
         return 0.0
+    require_resumable(file, problem, settings)
     with opened(file) as held:
-        if _GROUP not in held or "data" not in held.attrs:
-            raise InputError(f"{file}: holds no run of an ensemble of ours; name another file, or delete it.")
         found: dict[str, Any] = dict(held.attrs)
-    refuse_other_problem(found, problem, str(file))
-    refuse_other_settings(found, settings, str(file))
     return float(found["seconds"])
 
 

@@ -36,7 +36,7 @@ _MOST_REFUSED = 0.1
 """Share of proposals without a density above which the posterior is likely to be cut off itself."""
 _FEWEST = 25
 _WIDER = 1.15
-"""Spread of the first proposal in that of the normal approximation, against tails that it does not know of."""
+"""Spread of a proposal in that of the normal approximation, or of the draws before, against tails not known of."""
 
 
 def sample_importance(
@@ -61,7 +61,8 @@ def sample_importance(
         draws: Of each chain; all are exchangeable, chains are only how they are counted.
         chains: How many.
         evaluations: Of the log density, a quarter of them for the first proposal.
-        most_evaluations: Up to which there are further rounds while the draws are worth too few; none if not given.
+        most_evaluations: Never more than so many, and up to it further rounds while the draws are worth too few; none
+            if not given.
         enough: Independent draws that they should be worth.
         chunk: Points whose density is computed at once; None for as many as there are.
         on_step: Told in words how far it is.
@@ -77,12 +78,13 @@ def sample_importance(
     require_posterior(problem)
     begun, rng = time.monotonic(), np.random.default_rng(seed)
     density = batched_log_density(problem, chunk=chunk)
-    first = max(evaluations // 4, 10 * len(found.mode))
+    evaluations = evaluations if most_evaluations is None else min(evaluations, most_evaluations)
+    first = max(evaluations // 4, min(10 * len(found.mode), evaluations // 2))
     on_step(f"importance: {first} draws of the normal approximation")
     spread = found.covariance
     pool = _Pool((_Round.of(density, found.mode, spread, first, rng),))
     mean, spread = pool.moved(spread)
-    count, spent, most = max(evaluations - first, first), first, most_evaluations or evaluations
+    count, spent, most = max(evaluations - first, 1), first, most_evaluations or evaluations
     pool = _Pool(())
     while not pool.rounds or (pool.size < enough and spent + count <= most):
         on_step(f"importance: {count} draws{f', after {spent}' if pool.rounds else ''}")

@@ -16,13 +16,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key, PRNGKeyArray
 
-from arfjax.errors import InputError
 from inverse.inference.compiled import as_arrays
 from inverse.inference.problem import Problem
-from inverse.sampling.checkpoint import read_checkpoint, refuse_other_settings, write_checkpoint
+from inverse.sampling.checkpoint import read_checkpoint, write_checkpoint
 from inverse.sampling.draws import Draws
 from inverse.sampling.laplace import Laplace
-from inverse.sampling.target import fingerprint, refuse_other_problem, require_posterior, usable_points
+from inverse.sampling.target import fingerprint, require_posterior, require_resumable, usable_points
 
 _STATISTICS = ("diverging", "acceptance_rate", "n_steps", "tree_depth", "energy")
 
@@ -210,11 +209,8 @@ def _write(
 def _read(
     file: Path, problem: Problem, settings: dict[str, str | int | float]
 ) -> tuple[_Chains, dict[str, list[np.ndarray]], Array, Array, float]:
+    require_resumable(file, problem, settings)
     arrays, attributes = read_checkpoint(file)
-    if "state_position" not in arrays or "data" not in attributes:
-        raise InputError(f"{file}: holds no run of NUTS of ours; name another file, or delete it.")
-    refuse_other_problem(attributes, problem, str(file))
-    refuse_other_settings(attributes, settings, str(file))
     from blackjax.mcmc.hmc import HMCState
 
     state_of: Any = HMCState

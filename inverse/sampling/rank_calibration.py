@@ -102,6 +102,7 @@ def calibrate_ranks(
     n_replicates: int,
     seed: int,
     file: Path | None = None,
+    made_by: str = "",
     on_step: Callable[[int, int], None] = lambda done, of: None,
 ) -> RankCalibration:
     """Ranks of constants drawn from the prior among draws of their posteriors.
@@ -112,14 +113,15 @@ def calibrate_ranks(
         n_replicates: Data sets.
         seed: Replicate k takes `seed + k`.
         file: Lines of JSON, one a replicate; a run that was stopped goes on.
+        made_by: What makes the posteriors: sampler, settings, code. Ranks that something else made are not added to.
         on_step: Told how many replicates are done, of how many.
 
     Raises:
-        InputError: if hardly any draw of the prior gives a density, or the file is of another problem or seed.
+        InputError: if hardly any draw of the prior gives a density, or the file is of another problem, seed or maker.
     """
     problem = as_arrays(problem)
     names = (*problem.parameters.names, LOG_LIKELIHOOD)
-    rows = _resume(file, problem, seed)
+    rows = _resume(file, problem, seed, made_by)
     for number in range(len(rows), n_replicates):
         on_step(number, n_replicates)
         truth, replicate, refused = _simulate(problem, seed + number)
@@ -201,8 +203,8 @@ def _log_likelihood(problem: Problem, points: Float[np.ndarray, "point n"]) -> F
     return batched_log_density(problem)(points) - prior
 
 
-def _resume(file: Path | None, problem: Problem, seed: int) -> list[dict]:
-    head = {"problem": {**fingerprint(problem), "data": "replaced"}, "seed": seed}
+def _resume(file: Path | None, problem: Problem, seed: int, made_by: str) -> list[dict]:
+    head = {"problem": {**fingerprint(problem), "data": "replaced"}, "seed": seed, "made_by": made_by}
     if file is None:
         return []
     if not file.exists():
@@ -213,7 +215,10 @@ def _resume(file: Path | None, problem: Problem, seed: int) -> list[dict]:
     # A line that was cut off when the run was killed is done again.
     whole = [line for line in lines if line.endswith("\n")]
     if not whole or not _same(json.loads(whole[0]), head):
-        raise InputError(f"{file}: holds ranks of another problem or seed; name another file, or delete it.")
+        raise InputError(
+            f"{file}: holds ranks of another problem, seed or maker of posteriors; delete it to begin anew, or name "
+            "another file."
+        )
     if len(whole) < len(lines):
         file.write_text("".join(whole), encoding="utf-8")
     return [json.loads(line) for line in whole[1:]]

@@ -3,6 +3,7 @@
 import functools
 import hashlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -15,6 +16,7 @@ from arfjax.errors import InputError
 from inverse.inference.compiled import as_arrays, cached
 from inverse.inference.parameter_set import ParameterSet, Varying
 from inverse.inference.problem import Problem
+from inverse.sampling.checkpoint import opened, refuse_other_settings
 
 _DRAWS_TRIED = 50
 _SAME = 1e-6
@@ -147,14 +149,44 @@ def fingerprint(problem: Problem) -> dict[str, str | float]:
         digest.update(f"{measurement.name} [{measurement.unit}]".encode())
         digest.update(" ".join(f"{value:.10g}" for value in np.asarray(measurement.measured)).encode())
     columns = (f"{name} [{unit}]" for name, unit, _ in problem.parameters.columns)
-    start = np.asarray(problem.start)[None]
     return {
         "parameters": ", ".join(columns),
         "priors": "; ".join(belief for belief, _ in problem.parameters.beliefs),
         "data": digest.hexdigest(),
         # Fixed constants and settings of the model are in no list: what they do to the density at one point is.
-        "log_density_at_start": float(batched_log_density(problem)(start)[0]),
+        "log_density_at_start": _density_somewhere(problem),
     }
+
+
+def _density_somewhere(problem: Problem) -> float:
+    """Log density at the start, or, where that lies outside of the priors, at the first draw of them that has one."""
+    evaluate = batched_log_density(problem)
+    at_start = float(evaluate(np.asarray(problem.start)[None])[0])
+    if np.isfinite(at_start) or not problem.parameters.has_priors:
+        return at_start
+    drawn = evaluate(prior_points(problem, jax.random.key(0), _DRAWS_TRIED))
+    return float(next(iter(drawn[np.isfinite(drawn)]), at_start))
+
+
+def require_resumable(file: Path, problem: Problem, settings: dict[str, str | int | float]) -> None:
+    """Refuse a file of a run that is not this problem's, or was begun with other settings.
+
+    Args:
+        file: That a sampler would go on with.
+        problem: What is to be sampled.
+        settings: Of the run, as the file's attributes hold them; some of them will do.
+
+    Raises:
+        InputError: saying what differs.
+    """
+    with opened(file) as held:
+        found = dict(held.attrs)
+    if "data" not in found or "sampler" not in found:
+        raise InputError(
+            f"{file}: holds no run of a sampler of ours; delete it to begin anew, or keep this run elsewhere."
+        )
+    refuse_other_problem(found, problem, str(file))
+    refuse_other_settings(found, settings, str(file))
 
 
 def refuse_other_problem(found: dict, problem: Problem, place: str) -> None:
@@ -168,11 +200,13 @@ def refuse_other_problem(found: dict, problem: Problem, place: str) -> None:
         if found.get(key) != expected[key]:
             shown = "" if key == "data" else f" ({found.get(key)}; here {expected[key]})"
             raise InputError(
-                f"{place}: holds draws of another problem, its {said} differ{shown}; name another file, or delete it."
+                f"{place}: holds draws of another problem, its {said} differ{shown}; delete it to begin anew, or keep "
+                "this run elsewhere."
             )
     before, now = float(found.get("log_density_at_start", np.nan)), float(expected["log_density_at_start"])
     if before != now and not abs(before - now) <= _SAME * max(abs(before), abs(now), 1.0):
         raise InputError(
             f"{place}: holds draws of another problem, its log density at the start was {before:.8g} and is {now:.8g}: "
-            "a fixed constant or a setting of the model has changed; name another file, or delete it."
+            "a fixed constant or a setting of the model has changed; delete it to begin anew, or keep this run "
+            "elsewhere."
         )

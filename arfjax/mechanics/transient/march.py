@@ -239,7 +239,8 @@ def _linear_march(mesh: Mesh, scheme: Scheme, solid: PreparedSolid, factor: Fact
 
     What a motion in one step does to the balance of a later one depends on the steps between them alone, by a symmetric
     matrix. So the whole system is symmetric once its rows are taken backward in time, and its transpose is the same
-    march.
+    march. Held nodes have neither row nor column in it: in reverse mode what is asked of them is left out, as nothing
+    moves them.
     """
 
     def without_jumps(history: History) -> Loads:
@@ -249,7 +250,7 @@ def _linear_march(mesh: Mesh, scheme: Scheme, solid: PreparedSolid, factor: Fact
         return _residual(mesh, scheme, solid, without_jumps(changes), changes)[::-1]
 
     def forward(_: Callable, forces: History) -> History:
-        return _steps(mesh, scheme, solid, factor, without_jumps(forces[::-1]))
+        return _steps(mesh, scheme, solid, factor, without_jumps(_free(mesh)[None] * forces[::-1]))
 
     return jax.lax.custom_linear_solve(backward_rows, balance[::-1], forward, symmetric=True)
 

@@ -60,9 +60,9 @@ def test_a_run_that_was_stopped_goes_on(tmp_path):
     whole = calibrate_ranks(PROBLEM, posterior(), n_replicates=6, seed=1)
     np.testing.assert_array_equal(resumed.ranks, whole.ranks)
     other = conjugate_problem(2, sd=0.5)
-    for problem, seed in ((PROBLEM, 2), (other, 1)):
-        with pytest.raises(InputError, match="another problem or seed"):
-            calibrate_ranks(problem, posterior(), n_replicates=6, seed=seed, file=file)
+    for problem, seed, made_by in ((PROBLEM, 2, ""), (other, 1, ""), (PROBLEM, 1, "another sampler")):
+        with pytest.raises(InputError, match="another problem, seed or maker of posteriors"):
+            calibrate_ranks(problem, posterior(), n_replicates=6, seed=seed, file=file, made_by=made_by)
     # Killed in the middle of a line.
     file.write_text(file.read_text()[:-5])
     again = calibrate_ranks(PROBLEM, posterior(), n_replicates=6, seed=1, file=file)

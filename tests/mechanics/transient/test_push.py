@@ -176,6 +176,30 @@ def test_gradient_of_the_displacement_at_the_focus():
         np.testing.assert_allclose(product, central, rtol=1e-6)
 
 
+def test_gradient_of_the_motion_beside_nodes_that_are_held():
+    """Of all nodes with weights of their own, those at the walls and on the axis among them, which never move."""
+    mesh = small_mesh(Walls(True, True, True))
+    material, settings = uneven_material(mesh, n_branches=1), PushSettings(1e-4, 5)
+    rows, columns, _ = mesh.free.shape
+    weights = jnp.asarray(np.random.default_rng(3).standard_normal((2, columns, rows, 2)))
+
+    def motion(x):
+        scaled = dataclasses.replace(
+            material,
+            relaxed_shear_modulus=x["modulus"] * material.relaxed_shear_modulus,
+            density=x["density"] * material.density,
+        )
+        result = solve_push(mesh, scaled, small_force(mesh), settings=settings)
+        return jnp.sum(weights[0] * 1e6 * result.displacement) + jnp.sum(weights[1] * 1e3 * result.velocity)
+
+    start = {"modulus": jnp.asarray(1.1), "density": jnp.asarray(0.9)}
+    assert_gradient_of_each_leaf(motion, start, step=1e-3)
+    twice = jax.jit(jax.jacrev(jax.grad(motion)))(start)
+    mixed = jax.jit(jax.jacfwd(jax.grad(motion)))(start)
+    for one, other in zip(jax.tree.leaves(twice), jax.tree.leaves(mixed), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
 def test_mean_decay_and_its_slope_keep_their_digits():
     exact = [
         (1e-12, 1.0 - 5e-13, -0.5),
