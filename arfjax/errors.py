@@ -1,5 +1,10 @@
 """What the package says to its user when input is wrong or is used outside the range that its source covers."""
 
+from typing import Any
+
+import numpy as np
+from jax.core import Tracer
+
 
 class InputError(ValueError):
     """Input that cannot be used, said in one line: what, where, what was expected and what to do.
@@ -12,6 +17,21 @@ class InputError(ValueError):
         """Take the message, with line breaks as blanks and other control characters spelled out."""
         line = " ".join(part.strip() for part in message.splitlines())
         super().__init__("".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in line))
+
+
+def lies_within(value: Any, least: float, largest: float = np.inf, *, above: bool = False) -> bool:
+    """Whether numbers lie between two ends, the lower one left out with `above`; what is traced is not known and does.
+
+    Args:
+        value: A number, or an array of them; NaN lies nowhere.
+        least: Lower end.
+        largest: Upper end.
+        above: Whether the lower end itself is out.
+    """
+    if isinstance(value, Tracer):
+        return True
+    numbers = np.asarray(value)
+    return bool(np.all((numbers > least if above else numbers >= least) & (numbers <= largest)))
 
 
 class ExtrapolationWarning(UserWarning):

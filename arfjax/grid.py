@@ -4,6 +4,8 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
+from arfjax.errors import InputError
+
 
 class AxisymmetricGrid(eqx.Module):
     """Cells between the radial faces and the axial faces, rotated about the axis.
@@ -21,10 +23,10 @@ class AxisymmetricGrid(eqx.Module):
     def __check_init__(self) -> None:
         """Refuse faces that are not ascending or do not start on the axis."""
         for name, faces in (("r_faces", self.r_faces), ("z_faces", self.z_faces)):
-            if len(faces) < 2 or np.any(np.diff(faces) <= 0.0):
-                raise ValueError(f"`{name}` must hold at least two ascending positions [m], got {faces}.")
+            if len(faces) < 2 or not np.all(np.diff(faces) > 0.0):
+                raise InputError(f"`{name}` must hold at least two ascending positions [m], got {faces}.")
         if self.r_faces[0] != 0.0:
-            raise ValueError(f"`r_faces` must start on the axis at 0 m, got {self.r_faces[0]} m.")
+            raise InputError(f"`r_faces` must start on the axis at 0 m, got {self.r_faces[0]} m.")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -57,12 +59,12 @@ def graded_positions(
     evenly to end exactly at `start` and `stop`. `centre` is one of the positions (when it lies inside).
 
     Raises:
-        ValueError: if the interval is empty, `centre` lies outside, or the spacings make no sense.
+        InputError: if the interval is empty, `centre` lies outside, or the spacings make no sense.
     """
-    if not start <= centre <= stop or start == stop:
-        raise ValueError(f"`centre` {centre} m must lie between `start` {start} m and `stop` {stop} m.")
+    if not start <= centre <= stop or not start < stop:
+        raise InputError(f"`centre` {centre} m must lie between `start` {start} m and `stop` {stop} m.")
     if not 0.0 < finest <= coarsest or growth < 1.0:
-        raise ValueError(f"need 0 < finest <= coarsest and growth >= 1, got {finest}, {coarsest}, {growth}.")
+        raise InputError(f"need 0 < finest <= coarsest and growth >= 1, got {finest}, {coarsest}, {growth}.")
     below = _one_side(centre - start, finest, growth, coarsest)
     above = _one_side(stop - centre, finest, growth, coarsest)
     return np.concatenate([centre - below[:0:-1], [centre], centre + above[1:]])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid, graded_positions
 
 
@@ -14,10 +15,16 @@ def test_volumes_add_up_to_the_cylinder():
 
 
 @pytest.mark.parametrize(
-    ("r_faces", "z_faces"), [([0.1, 1.0], [0.0, 1.0]), ([0.0, 1.0, 1.0], [0.0, 1.0]), ([0.0, 1.0], [0.0])]
+    ("r_faces", "z_faces"),
+    [
+        ([0.1, 1.0], [0.0, 1.0]),
+        ([0.0, 1.0, 1.0], [0.0, 1.0]),
+        ([0.0, 1.0], [0.0]),
+        ([0.0, np.nan, 1.0], [0.0, 1.0]),
+    ],
 )
 def test_impossible_faces_are_refused(r_faces, z_faces):
-    with pytest.raises(ValueError, match="must"):
+    with pytest.raises(InputError, match="must"):
         AxisymmetricGrid(np.asarray(r_faces), np.asarray(z_faces))
 
 

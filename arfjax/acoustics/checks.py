@@ -14,6 +14,9 @@ from arfjax.acoustics.sources.base import PlaneSource, Source, concrete
 from arfjax.errors import InputError
 from arfjax.transducer import Drive, PressureDrive
 
+_POSITIVE = {"frequency", "sound_speed", "density"}
+_NOT_NEGATIVE = {"acoustic_power", "attenuation"}
+
 
 def check_source(
     source: Source, drive: Drive | PressureDrive, layers: Sequence[AcousticLayer], settings: MarchSettings
@@ -23,9 +26,7 @@ def check_source(
     Raises:
         InputError: if the source or the settings make no sense, alone or together.
     """
-    for leaf in jax.tree.leaves((source, drive, [layer.medium for layer in layers])):
-        if not isinstance(leaf, Tracer) and not np.all(np.isfinite(leaf)) and not _means_unfocused(leaf):
-            raise InputError("the source, its drive or a layer's medium holds a value that is not finite.")
+    _check_numbers(source, drive, layers)
     source.check()
     thicknesses = [layer.thickness for layer in layers]
     if not thicknesses or not all(thickness > 0.0 for thickness in thicknesses):  # what is not a number, too
@@ -91,6 +92,18 @@ def check_positions(
         )
 
 
-def _means_unfocused(value: object) -> bool:
-    """An infinite focal length is that of a beam without focus."""
-    return bool(np.all(np.isposinf(np.asarray(value))))
+def _check_numbers(source: Source, drive: Drive | PressureDrive, layers: Sequence[AcousticLayer]) -> None:
+    """Refuse what is not finite, but for the focal length of a beam without focus, and signs that have no meaning."""
+    for path, leaf in jax.tree_util.tree_leaves_with_path((source, drive, [layer.medium for layer in layers])):
+        name = str(getattr(path[-1], "name", path[-1]))
+        if isinstance(leaf, Tracer):
+            continue
+        values = np.asarray(leaf)
+        if not np.all(np.isfinite(values)) and not (name == "focal_length" and np.all(np.isposinf(values))):
+            raise InputError(
+                f"the source, its drive or a layer's medium holds a value that is not finite: `{name}` is {leaf}."
+            )
+        if name in _POSITIVE and not np.all(values > 0.0):
+            raise InputError(f"`{name}` must be positive, got {leaf}.")
+        if name in _NOT_NEGATIVE and not np.all(values >= 0.0):
+            raise InputError(f"`{name}` must not be negative, got {leaf}.")

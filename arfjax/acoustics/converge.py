@@ -87,7 +87,7 @@ def solve_to_tolerance(
         say(f"{settings.n_harmonics} harmonics, {settings.n_radial} terms, {1e3 * settings.axial_step:.3g} mm steps")
         found = solve(settings, np.zeros(1), z[-1:]).convergence
         if keeps_harmonics:
-            found = dataclasses.replace(found, harmonics=0.0 * found.harmonics)
+            found = dataclasses.replace(found, harmonics=np.zeros_like(found.harmonics))
         better = refined(settings, found, tolerance)
         if better == settings:
             break
@@ -101,6 +101,9 @@ def refined(settings: MarchSettings, found: Convergence, tolerance: float) -> Ma
 
     What cannot be refined any more is left.
     """
+    if settings.n_harmonics > 1 and not math.isfinite(float(found.courant_number)):
+        # Nothing else can be judged of a march that was not stable.
+        return dataclasses.replace(settings, n_substeps=2 * settings.n_substeps)
     changes: dict = {}
     if not float(found.harmonics) <= tolerance and settings.n_harmonics > 1:
         changes["n_harmonics"] = next((n for n in _HARMONICS if n > settings.n_harmonics), settings.n_harmonics)
@@ -110,10 +113,8 @@ def refined(settings: MarchSettings, found: Convergence, tolerance: float) -> Ma
         wanted = 0.9 * math.sqrt(tolerance / float(found.axial)) if math.isfinite(float(found.axial)) else 0.5
         changes["axial_step"] = settings.axial_step * min(max(wanted, 0.5), 0.8)
     finer = dataclasses.replace(settings, **changes)
-    if settings.n_harmonics > 1 and math.isfinite(float(found.courant_number)):
+    if settings.n_harmonics > 1:
         grown = float(found.courant_number) * finer.n_harmonics / settings.n_harmonics
         grown *= finer.axial_step / settings.axial_step * settings.n_substeps
         finer = dataclasses.replace(finer, n_substeps=max(1, math.ceil(grown / _WANTED_COURANT_NUMBER)))
-    elif settings.n_harmonics > 1:
-        finer = dataclasses.replace(finer, n_substeps=2 * settings.n_substeps)
     return finer

@@ -15,7 +15,7 @@ def forward_by_reverse(function: Callable[[Any], Float[Array, ""]]) -> Callable[
     costs as much as a few gradients with however many parameters, since the gradient is computed once for all tangents.
 
     Args:
-        function: Of one pytree of floats; it must not close over values that are differentiated.
+        function: Of one pytree of numbers; it must not close over values that are differentiated.
     """
 
     @jax.custom_jvp
@@ -28,4 +28,12 @@ def forward_by_reverse(function: Callable[[Any], Float[Array, ""]]) -> Callable[
         products = jax.tree.map(lambda slope, change: jnp.sum(slope * change), gradient, tangents[0])
         return value, jax.tree.reduce(jnp.add, products, jnp.zeros_like(value))
 
-    return wrapped
+    def of_floats(argument: Any) -> Float[Array, ""]:
+        # A frequency of 1_100_000 is a number as any other.
+        return wrapped(jax.tree.map(lambda leaf: 1.0 * leaf if _is_integer(leaf) else leaf, argument))
+
+    return of_floats
+
+
+def _is_integer(leaf: Any) -> bool:
+    return jnp.issubdtype(jnp.result_type(leaf), jnp.integer)

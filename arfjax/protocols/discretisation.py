@@ -76,8 +76,8 @@ class Discretisation(eqx.Module):
         return float(self.mesh.z_edges[n]), float(self.mesh.z_edges[-1 - n])
 
     def push_steps(self, duration: float, modulation: Modulation | None = None) -> PushSettings:
-        """Time steps of a push of that length [s], with which the run ends: as long as those of 0.5 ms."""
-        n_steps = self.n_push_steps * max(round(duration / 0.5e-3), 1)
+        """Time steps of a push of that length [s], with which the run ends: no longer than those of 0.5 ms."""
+        n_steps = max(math.ceil(self.n_push_steps * duration / 0.5e-3 - 1e-9), self.n_push_steps)
         return PushSettings(duration / n_steps, n_steps, duration, modulation=modulation)
 
     def sound_field(

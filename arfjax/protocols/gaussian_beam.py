@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from arfjax.errors import InputError
+from arfjax.errors import InputError, lies_within
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.media import Scalar
 from arfjax.model import Model
@@ -45,9 +45,9 @@ class GaussianBeam(eqx.Module):
         """Refuse lengths that are not in metres, where they are numbers."""
         for name, smallest in (("radius", 1e-6), ("length", 1e-6), ("path", 0.0)):
             value = getattr(self, name)
-            if isinstance(value, float) and not smallest <= value <= _LARGEST:
+            if not lies_within(value, smallest, _LARGEST):
                 raise InputError(
-                    f"`{name}` of a Gaussian beam must lie in {smallest:g} to {_LARGEST:g} m, got {value:g} m. "
+                    f"`{name}` of a Gaussian beam must lie in {smallest:g} to {_LARGEST:g} m, got {value} m. "
                     "Millimetres? Pass metres."
                 )
 

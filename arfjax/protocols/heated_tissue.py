@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from arfjax.acoustics.field import HarmonicField
 from arfjax.acoustics.intensity import radiation_force_density
+from arfjax.errors import InputError
 from arfjax.laws import Temperature
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.material.harmonic import SolidField, solid_field
@@ -74,9 +75,13 @@ def heated_solid(
         temperature: Of the liver [degC], one or a field.
         share: Of the lesion.
         lesion_temperature: That the lesion's constants are of [degC]; the liver's if not given.
+
+    Raises:
+        InputError: if the liver has no viscoelastic constants.
     """
     liver = model.liver.viscoelasticity
-    assert liver is not None  # `Model` checks it
+    if liver is None:
+        raise InputError("the model's liver has no viscoelastic constants, which its motion needs.")
     hot = temperature if lesion_temperature is None else lesion_temperature
     return mixed(liver(temperature), model.lesion.viscoelasticity(hot), share)
 

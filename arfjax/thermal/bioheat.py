@@ -16,7 +16,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from arfjax.errors import InputError
+from arfjax.errors import InputError, lies_within
 from arfjax.grid import AxisymmetricGrid
 from arfjax.media import Scalar
 from arfjax.numerics.interpolation import interpolation_weights
@@ -116,7 +116,8 @@ def solve_bioheat(
     the temperatures and the walls.
     Source: Pennes, J. Appl. Physiol. 1 (1948) 93, eq. for tissue heat balance.
     """
-    require_shapes(grid, {"field": field.conductivity, "heat": heat})
+    names = ("conductivity", "heat_capacity", "perfusion_conductance")
+    require_shapes(grid, {name: getattr(field, name) for name in names} | {"heat": heat})
     if not phases:
         raise InputError("`phases` is empty; give at least one `Phase`.")
     initial_temperature = jnp.asarray(initial_temperature, dtype=float)
@@ -191,9 +192,9 @@ def on_axis(values: Float[Array, "*batch r z"], grid: AxisymmetricGrid) -> Float
 def _position_inside(z: Scalar, grid: AxisymmetricGrid) -> Float[Array, ""]:
     near, far = grid.z_faces[0], grid.z_faces[-1]
     message = f"`z` is outside the grid's {near} to {far} m. Millimetres? Pass metres."
-    if not isinstance(z, float):
+    if isinstance(z, Tracer):
         return eqx.error_if(z, (z < near) | (z > far), message)
-    if not near <= z <= far:
+    if not lies_within(z, near, far):
         raise InputError(f"{message} Got {z}.")
     return jnp.asarray(z)
 

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from arfjax.errors import InputError, lies_within
 from arfjax.grid import AxisymmetricGrid
 from arfjax.media import Scalar, ThermalMedium
 
@@ -42,6 +43,10 @@ def uniform_field(medium: ThermalMedium, grid: AxisymmetricGrid) -> ThermalField
         perfusion_conductance=ones * medium.perfusion_conductance,
         metabolic_heat=ones * medium.metabolic_heat,
     )
+
+
+_LARGEST_COEFFICIENT = 1e12
+"""Of heat transfer [W/(m^2 K)]: far beyond what boils or freezes anything, and finite."""
 
 
 class Wall(eqx.Module):
@@ -101,6 +106,14 @@ class Convective(Wall):
 
     coefficient: Scalar
     rise: Scalar = 0.0
+
+    def __check_init__(self) -> None:
+        """Refuse coefficients that are negative or not finite."""
+        if not lies_within(self.coefficient, 0.0, _LARGEST_COEFFICIENT):
+            raise InputError(
+                f"`coefficient` of a convective wall must be a number from 0 to {_LARGEST_COEFFICIENT:g} W/(m^2 K), "
+                f"got {self.coefficient}; perfect contact is `FixedTemperature`."
+            )
 
     def conductance(self, half_cell: Float[Array, " n"], area: Float[Array, " n"]) -> Float[Array, " n"]:
         """Half a cell and the fluid's boundary layer in series; none at a coefficient of zero."""

@@ -54,6 +54,8 @@ def test_what_is_good_enough_stays():
         ({"axial": np.nan}, {"axial_step": 0.17e-3}),
         ({"courant_number": np.nan}, {"n_substeps": 2}),
         ({"courant_number": np.inf}, {"n_substeps": 2}),
+        # Of a march that was not stable no other estimate says anything.
+        ({"courant_number": np.nan, "harmonics": np.nan, "radial": np.nan, "axial": np.nan}, {"n_substeps": 2}),
     ],
 )
 def test_each_estimate_refines_what_it_is_of(estimates, expected):

@@ -3,6 +3,8 @@
 The bowl throughout: 64 mm across with a 20 mm hole, curvature 62.6 mm, at 1.1 MHz.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -218,7 +220,15 @@ def test_single_precision_agrees():
         ({"settings": MarchSettings(n_radial=80)}, "n_radial"),
         ({"settings": MarchSettings(n_quadrature=100)}, "n_quadrature"),
         ({"drive": Drive(5e6, 50.0)}, "does not resolve"),
-        ({"drive": Drive(1.1e6, np.nan)}, "not finite"),
+        ({"drive": Drive(1.1e6, np.nan)}, "not finite: `acoustic_power`"),
+        ({"drive": Drive(1.1e6, np.inf)}, "not finite: `acoustic_power` is inf"),
+        ({"drive": Drive(1.1e6, -50.0)}, "`acoustic_power` must not be negative"),
+        ({"drive": Drive(0.0, 50.0)}, "`frequency` must be positive"),
+        ({"drive": Drive(np.inf, 50.0)}, "not finite: `frequency`"),
+        ({"layers": [AcousticLayer(dataclasses.replace(WATER, sound_speed=0.0), 0.1)]}, "`sound_speed` must be pos"),
+        ({"layers": [AcousticLayer(dataclasses.replace(WATER, sound_speed=np.inf), 0.1)]}, "`sound_speed` is inf"),
+        ({"layers": [AcousticLayer(dataclasses.replace(WATER, density=-1e3), 0.1)]}, "`density` must be positive"),
+        ({"layers": [AcousticLayer(dataclasses.replace(WATER, attenuation=-5.0), 0.1)]}, "`attenuation` must not be"),
         ({"bowl": FocusedBowl(32e-3, np.nan, 62.6e-3)}, "not finite"),
         ({"layers": [AcousticLayer(WATER, 0.1), AcousticLayer(WATER, np.nan)]}, "positive thicknesses"),
         ({"z": np.array([12e-3])}, "beyond the start plane"),

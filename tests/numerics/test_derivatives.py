@@ -25,6 +25,13 @@ def test_value_and_derivatives_are_those_of_the_function():
             np.testing.assert_allclose(wrapped, plain, rtol=1e-14)
 
 
+def test_whole_numbers_are_numbers():
+    x, two = jnp.asarray([0.3, -1.2, 2.0]), jnp.asarray(2)
+    of_x = forward_by_reverse(energy)
+    np.testing.assert_allclose(jax.jacfwd(lambda x: of_x((x, 2)))(x), jax.grad(lambda x: energy((x, 2.0)))(x))
+    np.testing.assert_allclose(jax.jacfwd(lambda x: of_x((x, two)))(x), jax.grad(lambda x: energy((x, 2.0)))(x))
+
+
 def test_the_gradient_is_computed_once_for_all_tangents():
     count = 0
 

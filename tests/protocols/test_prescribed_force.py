@@ -65,6 +65,11 @@ def test_millimetres_are_refused():
         GaussianBeam.of_widths(1.4, 9.0)
 
 
+def test_millimetres_in_arrays_are_refused():
+    with pytest.raises(InputError, match="Millimetres"):
+        GaussianBeam(jnp.asarray(1.0), 8e-3)
+
+
 def test_force_is_two_alpha_i_over_c_after_its_path(model, settings):
     """At the focus, by hand: alpha = 0.35 dB/cm at 1 MHz times the polynomial and 1.1, over 20 mm."""
     beam = dataclasses.replace(PAPERS, intensity=1e7)

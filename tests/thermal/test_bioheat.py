@@ -269,8 +269,13 @@ def test_senseless_shapes_and_positions_are_refused():
     settings = {"phases": [Phase(2.0, 4)]}
     with pytest.raises(InputError, match="`heat` has shape"):
         rise(uniform_field(LIVER, grid), np.zeros(other.shape), grid, **settings)
-    with pytest.raises(InputError, match="`field` has shape"):
+    with pytest.raises(InputError, match="`conductivity` has shape"):
         rise(uniform_field(LIVER, other), np.zeros(grid.shape), grid, **settings)
+    row = eqx.tree_at(lambda field: field.perfusion_conductance, uniform_field(LIVER, grid), np.zeros((1, 1)))
+    with pytest.raises(InputError, match="`perfusion_conductance` has shape"):
+        rise(row, np.zeros(grid.shape), grid, **settings)
+    with pytest.raises(InputError, match="perfect contact is `FixedTemperature`"):
+        Convective(np.inf)
     history = solve_bioheat(
         uniform_field(LIVER, grid),
         np.zeros(grid.shape),
@@ -283,8 +288,10 @@ def test_senseless_shapes_and_positions_are_refused():
         rise(uniform_field(LIVER, grid), np.zeros(grid.shape), grid, phases=[])
     with pytest.raises(InputError, match="outside the grid"):
         focal_temperature(history, grid, 30.0)
-    with pytest.raises(Exception, match="outside the grid"):
+    with pytest.raises(InputError, match="outside the grid"):
         focal_temperature(history, grid, jnp.asarray(30.0))
+    with pytest.raises(Exception, match="outside the grid"):
+        jax.jit(lambda z: focal_temperature(history, grid, z))(30.0)
 
 
 def test_the_budget_closes_with_every_kind_of_wall():

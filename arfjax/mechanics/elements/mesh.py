@@ -74,9 +74,9 @@ class Mesh(eqx.Module):
         """Refuse edges that are not ascending or do not start on the axis."""
         for name, edges in (("r_edges", self.r_edges), ("z_edges", self.z_edges)):
             if len(edges) < 2 or not np.all(np.diff(edges) > 0.0):
-                raise ValueError(f"`{name}` must hold at least two ascending positions [m], got {edges}.")
+                raise InputError(f"`{name}` must hold at least two ascending positions [m], got {edges}.")
         if self.r_edges[0] != 0.0:
-            raise ValueError(f"`r_edges` must start on the axis at 0 m, got {self.r_edges[0]} m.")
+            raise InputError(f"`r_edges` must start on the axis at 0 m, got {self.r_edges[0]} m.")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -147,7 +147,7 @@ class Mesh(eqx.Module):
         n_r, n_z = self.shape
         expected = (N_GAUSS * n_r, N_GAUSS * n_z)
         if field.shape != expected:
-            raise ValueError(
+            raise InputError(
                 f"a field at the Gauss points has shape {expected} (radial, axial) on this mesh, got {field.shape}. "
                 "Evaluate it at `mesh.gauss_r` and `mesh.gauss_z`."
             )

@@ -106,9 +106,8 @@ def solve_periodic(
         tissue (for square modulation at 50 Hz in liver, duty 0.1 to 0.5, 3 to 31 harmonics, 1.5 to 16 times the
         change of the peak-to-peak), and none where a stiff lesion resonates: at 70 degC harmonics about the 20th do,
         and with 15 it said 0.15 % where 0.7 % were missing.
-    Differentiability: in material, force, frequency and depth of the modulation, forward and reverse, but the
-        peak-to-peak has a kink and no slope where nothing moves (depth 0); `left_out` is
-        held. Where nothing moves the peak-to-peak has a kink, and no slope (depth 0).
+    Differentiability: in material, force, frequency and depth of the modulation, forward and reverse; `left_out` is
+        held. Where nothing moves (depth 0) the peak-to-peak has a kink, and no slope.
     """
     if not isinstance(frequency, Tracer) and not float(frequency) > 0.0:
         raise InputError(f"`frequency` of the modulation must be positive, got {frequency} Hz.")

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from arfjax.errors import InputError
+from arfjax.errors import InputError, lies_within
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.material.lesion import Ellipsoid, EllipsoidalLesion, Points
 from arfjax.mechanics.material.viscoelastic import (
@@ -105,7 +105,17 @@ def material_of(
     poisson_ratio: Scalar,
     **windows: Any,
 ) -> ViscoelasticField:
-    """The field of a solid whose constants are numbers or fields on the Gauss points, see `material_at`."""
+    """The field of a solid whose constants are numbers or fields on the Gauss points, see `material_at`.
+
+    Raises:
+        InputError: if it is a dashpot or a spring-pot alone, which has no spring that resistance to volume goes with.
+    """
+    is_fluid = isinstance(solid, KelvinVoigt | FractionalKelvinVoigt)
+    if is_fluid and not lies_within(solid.relaxed_modulus, 0.0, above=True):
+        raise InputError(
+            f"a {type(solid).__name__} needs a modulus above 0 Pa, got {solid.relaxed_modulus}: its bulk modulus "
+            "is taken from that. Give the spring some stiffness."
+        )
     return viscoelastic_field(
         prony_of(solid, **windows),
         shape,

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from arfjax.errors import InputError
+from arfjax.errors import InputError, lies_within
 from arfjax.grid import AxisymmetricGrid
 from arfjax.laws import LETHAL_DOSE_MINUTES, coagulated_fraction, log_excess
 from arfjax.mechanics.elements.mesh import Mesh
@@ -57,7 +57,7 @@ class Ellipsoid(eqx.Module):
         """Refuse semi-axes that are negative or not in metres, where they are numbers."""
         for name in ("axial", "radial"):
             value = getattr(self, name)
-            if isinstance(value, float) and not 0.0 <= value <= _LONGEST:
+            if not lies_within(value, 0.0, _LONGEST):
                 raise InputError(
                     f"the {name} semi-axis of an ellipsoid must lie in 0 to {_LONGEST} m, got {value} m. "
                     "Millimetres? Pass metres."
@@ -136,7 +136,7 @@ class SharpEdge(Edge):
 
     def __check_init__(self) -> None:
         """Refuse a step of no width."""
-        if isinstance(self.width, float) and not self.width > 0.0:
+        if not lies_within(self.width, 0.0, above=True):
             raise InputError(
                 f"`width` of a sharp edge must be positive, got {self.width} m: a true step has no slope in the "
                 "lesion's size. Take one element's size."

@@ -171,10 +171,13 @@ def dashpot_pair(
 
 
 def _sinc_over_geometric(order: Float[Array, "*space"], spacing: float) -> Float[Array, "*space"]:
-    # sin(pi order) / pi over 1 - exp(-spacing (1 - order)), with its limit 1 / spacing at order 1.
+    # sin(pi order) / pi over 1 - exp(-spacing (1 - order)): near order 1 by series, which keep value and slope there.
     gap = 1.0 - order
-    safe = jnp.where(gap < 1e-9, 1e-9, gap)
-    return jnp.sin(jnp.pi * safe) / jnp.pi / -jnp.expm1(-spacing * safe)
+    small = gap < 1e-3
+    safe = jnp.where(small, 1.0, gap)
+    x = spacing * gap
+    series = (1.0 + x / 2.0 + x**2 / 12.0) * (1.0 - (jnp.pi * gap) ** 2 / 6.0) / spacing
+    return jnp.where(small, series, jnp.sin(jnp.pi * safe) / jnp.pi / -jnp.expm1(-spacing * safe))
 
 
 def _mittag_leffler_nodes(order, n_branches: int, limits: tuple[float, float], xp):

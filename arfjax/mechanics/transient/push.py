@@ -62,20 +62,20 @@ class PushSettings(eqx.Module):
     def __check_init__(self) -> None:
         """Refuse steps that are not positive and a push that ends between two steps."""
         if self.time_step <= 0.0 or self.n_steps < 1 or self.push_duration <= 0.0:
-            raise ValueError(
+            raise InputError(
                 "`time_step`, `n_steps` and `push_duration` must be positive, got "
                 f"{self.time_step} s, {self.n_steps}, {self.push_duration} s."
             )
         if not 0.0 <= self.spectral_radius <= 1.0:
-            raise ValueError(f"`spectral_radius` must lie in 0 to 1, got {self.spectral_radius}.")
+            raise InputError(f"`spectral_radius` must lie in 0 to 1, got {self.spectral_radius}.")
         if self.modulation is not None and self.n_steps < self.push_duration / self.time_step - 0.5 < math.inf:
-            raise ValueError(
+            raise InputError(
                 f"a modulated push of {self.push_duration} s takes more than {self.n_steps} steps of "
                 f"{self.time_step} s: let the run last to its end."
             )
         steps = min(self.push_duration / self.time_step, 1.0 * self.n_steps)
         if steps < self.n_steps and abs(steps - round(steps)) > 1e-6 * steps:
-            raise ValueError(
+            raise InputError(
                 f"`push_duration` {self.push_duration} s is {steps:g} steps of {self.time_step} s: the end of the push "
                 "must fall on a step. Take a time step that divides it."
             )

@@ -278,7 +278,10 @@ def test_every_solid_makes_a_field(outside, inside):
 def test_nonsense_is_refused():
     with pytest.raises(InputError, match="Millimetres"):
         Ellipsoid.of_length_and_diameter(5.0, 1.2, centre=0.0)
-    with pytest.raises(InputError, match="width"):
-        SharpEdge(0.0)
+    for width in (0.0, jnp.zeros(())):
+        with pytest.raises(InputError, match="width"):
+            SharpEdge(width)
+    with pytest.raises(InputError, match="needs a modulus above 0"):
+        material_of(FractionalKelvinVoigt(0.0, 5.0, 0.5), (1, 1), reading=ShearModulus(), **OTHERS)
     with pytest.raises(InputError, match="do not fit the grid"):
         coagulated_share(MESH, GRID, np.zeros((3, 3)), width=0.5)

@@ -138,6 +138,20 @@ def test_derivative_in_the_order_at_one_is_the_one_sided_one():
     assert float(jax.grad(modulus)(jnp.asarray(1.0 - 1.5e-3))) == pytest.approx(exact, rel=1e-3)
 
 
+def test_derivative_of_a_spring_pot_in_its_order_is_that_of_its_closed_form():
+    """Up to order 1, a dashpot: from below alone, since there is none above."""
+
+    def loss(order, branches):
+        solid = FractionalKelvinVoigt(100.0, 1.0, order)
+        return complex_modulus(prony_of(solid) if branches else solid, jnp.asarray(300.0)).imag
+
+    slope = jax.jit(jax.grad(loss), static_argnums=1)
+    for order in (0.999, 0.99901, 1.0 - 1e-6, 1.0):
+        assert float(slope(order, True)) == pytest.approx(float(slope(order, False)), rel=1e-3)
+    # By its series and by what it is the series of, on both sides of where one takes over.
+    assert float(slope(0.999 - 1e-10, True)) == pytest.approx(float(slope(0.999 + 1e-10, True)), rel=1e-8)
+
+
 def test_fields_of_constants_equal_point_by_point():
     relaxed = jnp.array([[1e3, 2e3, 3e3]])
     solid = jax.vmap(jax.vmap(lambda m: FractionalZener(m, 4.0 * m, 1e-6 * m, 0.5 + 1e-4 * m)))(relaxed)
