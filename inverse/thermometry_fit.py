@@ -51,6 +51,7 @@ class HeatingFit:
         ratio_range: Ratios of diffusion times between which chi-square, with all else fitted again, is within 95 %
             of its lowest; None where an end of the fit's own range is.
         ratio_doubt: What is wrong with that range, in a sentence; empty if nothing is.
+        baseline_unseen: Whether the baseline was taken from a row that is occluded.
         curve_time: Evenly spaced times from the first row to the last [s].
         curve: Temperature of the fit there [degC].
         used: Rows that were fitted: those that are not occluded.
@@ -72,6 +73,7 @@ class HeatingFit:
     fitted: Float[np.ndarray, " rows"]
     ratio_range: tuple[float | None, float | None]
     ratio_doubt: str
+    baseline_unseen: bool
     curve_time: Float[np.ndarray, " curve"]
     curve: Float[np.ndarray, " curve"]
     used: np.ndarray
@@ -95,7 +97,17 @@ class HeatingFit:
         outcome = () if self.converged else (f"The fit did not converge: {self.status}.",)
         unsure = (*self.uncertainty.not_identified.values(), *self.uncertainty.remarks)
         doubt = (self.ratio_doubt,) if self.ratio_doubt else ()
-        return (*outcome, *unsure, *_pairs(self.uncertainty), self._profile(), *doubt, *self._noise())
+        return (
+            *outcome, *unsure, *_pairs(self.uncertainty), self._profile(), *doubt, *self._noise(), *self._of_baseline()
+        )  # fmt: skip
+
+    def _of_baseline(self) -> tuple[str, ...]:
+        if not self.baseline_unseen:
+            return ()
+        return (
+            f"The baseline of {self.baseline:g} degC is that of the first row, which is occluded: rises are from a "
+            "value that was not seen; give the temperature before heating (--baseline) if it is another.",
+        )
 
     def _profile(self) -> str:
         low, high = self.ratio_range
@@ -129,8 +141,7 @@ def fit_heating(
 
     Args:
         data: From `read_thermometry`.
-        baseline: Temperature before heating, from which rises are counted [degC]; that of the first row that is not
-            occluded when None.
+        baseline: Temperature before heating, from which rises are counted [degC]; that of the first row when None.
         seed: Of the starts but the first, which is read off the data.
         n_starts: Number of starts.
         on_step: Told in words how far it is.
@@ -141,7 +152,7 @@ def fit_heating(
     """
     require_double_precision()
     used = ~data.occluded
-    baseline = float(data.temperature[used][0]) if baseline is None and np.any(used) else baseline
+    unseen = baseline is None and bool(data.occluded[0])
     baseline = float(data.temperature[0]) if baseline is None else baseline
     _require_heating(data, used, baseline)
     time, rise = data.time[used], data.temperature[used] - baseline
@@ -183,6 +194,7 @@ def fit_heating(
         fitted=fitted,
         ratio_range=ratio_range,
         ratio_doubt=ratio_doubt,
+        baseline_unseen=unseen,
         curve_time=curve_time,
         curve=curve,
         used=used,

@@ -93,6 +93,25 @@ def test_coefficients_and_anchor_values_are_the_same_curve(calibrated):
     assert costs == sorted(costs, reverse=True)  # told step by step, and never uphill
 
 
+@pytest.mark.slow
+def test_readings_that_no_model_can_miss_are_no_evidence_of_noise(described, tmp_path):
+    """Those of 100 percent at the reference temperature: with them in the file, noise and errors stay the same."""
+    model, protocol = described.model(), described.stepwise()
+    temperature, percent = np.asarray([45.0, 52.0, 58.0, 64.0, 70.0]), np.asarray([97.0, 100.0, 93.0, 80.0, 62.0])
+    coarse = discretise(model, refinement=0.4)
+    found = []
+    for readings in (0, 3):
+        data = data_of(
+            tmp_path / "hmi.csv",
+            np.concatenate([np.full(readings, 37.0), temperature]),
+            np.concatenate([np.full(readings, 100.0), percent]),
+            None,
+        )
+        found.append(fit_hmi(model, data, protocol, coarse, CalibrationSettings()))
+    np.testing.assert_allclose(found[1].noise_sd[-5:], found[0].noise_sd, rtol=1e-6)
+    np.testing.assert_allclose(found[1].standard_errors, found[0].standard_errors, rtol=1e-4)
+
+
 def test_prior_is_centred_on_the_model(described):
     constants = constants_of(described.model(), CalibrationSettings())
     model = constants.apply(described.model(), constants.values(jnp.zeros(8)))

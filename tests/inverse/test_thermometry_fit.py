@@ -139,7 +139,8 @@ def test_measured_heating_of_60_s():
     # The course does not tell an elongated source from a round one, and the report says so.
     assert fit.ratio_range[0] is None and 10.0 < fit.ratio_range[1] < 40.0
     words = " ".join(fit.warnings)
-    assert "hard to tell apart" in words and "lower end of its range (1)" in words
+    assert "hard to tell apart" in words and "lower end of its range (1)" in words and not fit.ratio_doubt
+    assert "The baseline of 37 degC is that of the first row, which is occluded" in words
     assert np.flatnonzero(~fit.used).tolist() == [0, 1, 2]
     hidden = np.where(data.occluded, 99.0, data.temperature)
     again = fit_heating(dataclasses.replace(data, temperature=hidden), baseline=37.0, seed=3, n_starts=1)

@@ -6,8 +6,11 @@ import json
 import numpy as np
 import pytest
 
+from inverse.commands.infer import Across
+from inverse.commands.infer import _sweeps as infer_command_sweeps
 from inverse.commands.main import run
 from inverse.datasets.shipped import shipped
+from inverse.inference.dma import dma_problem
 from inverse.sampling import load_posterior
 
 POLYMER = str(shipped("pyvisco_polymer"))
@@ -35,6 +38,14 @@ def complaint(arguments: list[str], capsys) -> str:
         (["--out", "{out}", "--dma", POLYMER, "--sampler", "laplace", "--evidence"], "--evidence needs draws"),
         (["--out", "{out}", "--dma", POLYMER], "holds 21 sweeps; choose one by --temperature"),
         (["--out", "{out}", "--dma", POLYMER, "--sampler", "guess"], "Invalid value for '--sampler'"),
+        (["--out", "{out}", "--dma", POLYMER, "--temperature", "313"], "are at -49.9 to 100.0 degC; give one of their"),
+        (["--out", "{out}", "--dma", POLYMER, "--temperature", "nan"], "are at -49.9 to 100.0 degC"),
+        ([EXPERIMENT, "--out", "{out}", "--hmi", HMI, "--temperature", "40"], "--temperature are of a DMA"),
+        (
+            ["--out", "{out}", "--dma", POLYMER, "--across", "temperature", "--temperature", "40"],
+            "a population needs two sweeps or more, here is one (40.0 degC)",
+        ),
+        (["--out", POLYMER, "--dma", POLYMER, "--temperature", "40"], "is a file, not a folder"),
     ],
 )
 def test_mistakes_are_told_in_one_line(arguments, said, tmp_path, capsys):
@@ -54,6 +65,54 @@ def test_a_wrong_section_is_told(tmp_path, capsys):
     path.write_text(text + section.format(kind='normal", mean = 1.0, sd = 1.0, source = "x'))
     err = complaint([str(path), "--dma", POLYMER, "--temperature", "20", "--out", str(tmp_path / "out")], capsys)
     assert "has no `stiffness`" in err and "liver.density.value" in err
+
+
+def two_samples(folder):
+    """Sample a at 20 and 40 degC, b at 20."""
+    rows = [f"{f},{t},{sample},{1e4 * f**0.1:g},{2e3 * f**0.1:g}" for sample, t in (("a", 20), ("a", 40), ("b", 20))
+            for f in (0.1, 1, 10, 100, 300)]  # fmt: skip
+    path = folder / "two.csv"
+    path.write_text("\n".join(["frequency_hz,temperature_c,sample,storage_modulus_pa,loss_modulus_pa", *rows, ""]))
+    return path
+
+
+def test_sweeps_of_a_population_are_called_apart(tmp_path):
+    """By their samples where each has one sweep, else by sample and temperature."""
+    path = two_samples(tmp_path)
+    whole = infer_command_sweeps(path, None, Across.SAMPLE, False, alone=True)
+    names = dma_problem(whole, across="sample").parameters.names
+    assert {f"relaxed_modulus[{each}]" for each in ("a, 20.0 degC", "a, 40.0 degC", "b, 20.0 degC")} <= set(names)
+    at_one = infer_command_sweeps(path, 21.0, Across.SAMPLE, False, alone=True)
+    assert [sweep.label for sweep in at_one] == ["a, 20.0 degC", "b, 20.0 degC"]
+    names = dma_problem(at_one, across="sample").parameters.names
+    assert {"relaxed_modulus[a]", "relaxed_modulus[b]"} <= set(names)
+
+
+def test_units_that_look_wrong_can_be_believed(tmp_path, capsys):
+    path = tmp_path / "soft.csv"
+    rows = [f"{f},20,{2.0 * f**0.1:g},{0.4 * f**0.1:g}" for f in (0.1, 1, 10, 100, 300)]
+    path.write_text("\n".join(["frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa", *rows, ""]))
+    arguments = ["--dma", str(path), "--sampler", "none", "--no-profiles", "--out", str(tmp_path / "out")]
+    assert "--trust-units" in complaint(arguments, capsys)
+    assert run(["infer", *arguments, "--trust-units"]) == 0
+    settings = json.loads((tmp_path / "out" / "summary.json").read_text())["settings"]
+    assert settings["trust_units"] and settings["sweeps"] == ["20.0 degC"] and settings["profiles"] is False
+    assert "Sweeps: 20.0 degC." in (tmp_path / "out" / "report.md").read_text()
+
+
+def test_what_a_prior_does_not_take_and_attenuation_without_anchors(tmp_path, capsys):
+    text = shipped("suomi2016_experiment").read_text()
+    path, tail = tmp_path / "mine.toml", ["--dma", POLYMER, "--temperature", "20", "--out", str(tmp_path / "out")]
+    section = '[[inference.parameters]]\nname = "a"\nplace = "model.liver.density.value"\n'
+    path.write_text(text + section + 'prior = { kind = "log-normal", log_sd = 0.5, mean = 3000.0 }\n')
+    assert "a log-normal prior has no mean; it takes log_sd and median" in complaint([str(path), *tail], capsys)
+    liver = '[[layers]]\ntissue = "liver"\n'
+    assert liver in text
+    path.write_text(text.replace(liver, f"{liver}coagulation_doubles_attenuation = true\n"))
+    said = "set `coagulation_doubles_attenuation = false` under liver"
+    assert said in complaint([str(path), *tail], capsys)
+    assert run(["calibrate", str(path), "--hmi", HMI, "--out", str(tmp_path / "out")]) == 2
+    assert said in capsys.readouterr().err
 
 
 @pytest.mark.slow

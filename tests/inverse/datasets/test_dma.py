@@ -56,6 +56,10 @@ def test_other_headers_and_units(tmp_path, header, cells):
         ("f,T,E' (Pa),tan δ", "1,37,1500,0.2", ()),
         ("f,T,|E*| (Pa),Loss factor", "1,37,1529.7058540778355,0.2", ()),
         ("f,T,E' (Pa),E'' (Pa),tan_delta", "1,37,1500,300,7", ("tan_delta",)),
+        ("f,T,E'' (Pa),tan_delta", "1,37,300,0.2", ()),
+        ("f,T,E'' (Pa),|E*| (Pa),tan_delta", "1,37,7,1529.7058540778355,0.2", ("E'' (Pa)",)),
+        ("f,omega,T,E' (Pa),tan_delta", "1,6.3,37,1500,0.2", ("omega",)),
+        ("f,T,|E*| (Pa),|E*| sd (Pa),tan_delta", "1,37,1529.7058540778355,9,0.2", ("|E*| sd (Pa)",)),
     ],
 )
 def test_loss_by_its_tangent(tmp_path, header, cells, unused):
@@ -63,6 +67,16 @@ def test_loss_by_its_tangent(tmp_path, header, cells, unused):
     np.testing.assert_allclose(data.storage_modulus, 1500.0)
     np.testing.assert_allclose(data.loss_modulus, 300.0)
     assert data.ignored_columns == unused
+
+
+def test_a_modulus_beside_the_magnitude_is_said_to_be_unused(tmp_path):
+    data = read_dma(write(tmp_path, "f,T,E' (Pa),|E*| (Pa)\n1,37,1500,1529\n2,37,1500,1529\n"))
+    assert not data.has_phase and data.ignored_columns == ("E' (Pa)",)
+
+
+def test_a_loss_tangent_of_0_gives_no_storage_modulus(tmp_path):
+    with pytest.raises(InputError, match="line 3, column 'tan_delta': a loss tangent of 0 gives no storage modulus"):
+        read_dma(write(tmp_path, "f,T,E'' (Pa),tan_delta\n1,37,300,0.2\n2,37,300,0\n"))
 
 
 def test_semicolons_with_decimal_commas_and_rows_of_nothing(tmp_path):

@@ -87,6 +87,9 @@ def test_choice_by_name():
         parameters.only(["ordr"])
     with pytest.raises(InputError, match="two parameters are called `order`"):
         ParameterSet((parameters.entries[0], parameters.entries[0]))
+    twice = Varying(population().parameter, ("a", "a"), "sample", HalfNormal(0.7))
+    with pytest.raises(InputError, match=r"two parameters are called `relaxed_modulus\[a\]`"):
+        ParameterSet((twice,))
 
 
 def test_a_parameter_without_prior_cannot_be_drawn():

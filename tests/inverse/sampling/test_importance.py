@@ -90,6 +90,8 @@ def test_rounds_are_added_until_draws_are_worth_enough(found):
     assert several.finished and size >= 2000.0 and 2000 < several.evaluations < 10_000
     limited = sample_importance(PROBLEM, off, most_evaluations=1000, enough=2000.0, **rule)
     assert limited.evaluations == 1000 and float(limited.settings["effective_size"]) < 2000.0
+    few = sample_importance(PROBLEM, found, seed=8, draws=100, most_evaluations=300)
+    assert few.evaluations == 300
     mean, covariance, exact = exact_posterior(PROBLEM)
     sd = np.sqrt(np.diag(covariance))
     assert np.all(np.abs(several.flat.mean(axis=0) - mean) < 4.0 * sd / np.sqrt(size))

@@ -17,6 +17,7 @@ from emcee.backends import HDFBackend
 from scipy import stats
 
 from arfjax import InputError
+from inverse import study
 from inverse.inference.parameter_set import parameter
 from inverse.inference.problem import Problem
 from inverse.priors import Normal, Uniform
@@ -31,7 +32,13 @@ from inverse.sampling import (
     walkers_from_prior,
 )
 from inverse.sampling.inference_data import standard_error
-from inverse.sampling.target import batched_log_density, batched_values, coordinate_names, fingerprint
+from inverse.sampling.target import (
+    batched_log_density,
+    batched_values,
+    coordinate_names,
+    fingerprint,
+    refuse_other_problem,
+)
 from tests.inverse.sampling.conjugate import Line, conjugate_problem, exact_posterior
 
 QUICK = {"warmup": 300, "draws": 400, "chunk": 100}
@@ -161,13 +168,34 @@ def test_files_of_other_runs_are_refused(problem, found, tmp_path):
             sample_ensemble(other, start[:, : other.parameters.size], seed=5, file=file)
     with pytest.raises(InputError, match="was begun with `seed` 5, asked for is 6"):
         sample_ensemble(problem, start, seed=6, file=file)
-    with pytest.raises(InputError, match="holds no run of NUTS"):
+    with pytest.raises(InputError, match="was begun with `sampler` emcee, asked for is nuts"):
         sample_nuts(problem, found, seed=5, file=file)
     (tmp_path / "no.h5").write_text("not HDF5")
     for sample in (lambda: sample_ensemble(problem, start, seed=5, file=tmp_path / "no.h5"),
                    lambda: sample_nuts(problem, found, seed=5, file=tmp_path / "no.h5")):  # fmt: skip
         with pytest.raises(InputError, match="is no HDF5 file"):
             sample()
+
+
+def test_a_file_is_told_from_another_problem_s_where_the_start_has_no_density(tmp_path):
+    """A model's own value may lie outside of a prior; what else differs shows at a draw of it."""
+    problem = conjugate_problem()
+    entries = (parameter("coefficient_0", "model.coefficients[0]", "m", Uniform(50.0, 51.0)),)
+    outside = problem.with_parameters(type(problem.parameters)(entries))
+    told = fingerprint(outside)
+    assert np.isfinite(told["log_density_at_start"])
+    other = Problem(outside.parameters, outside.model, (_louder(outside),))
+    with pytest.raises(InputError, match="its log density at the start was"):
+        refuse_other_problem(told, other, "run.h5")
+
+
+def test_a_study_refuses_a_file_of_another_run_before_it_fits(problem, found, tmp_path, monkeypatch):
+    file = tmp_path / "run.h5"
+    sample_ensemble(problem, walkers_from_laplace(problem, found, count=16), seed=5, most_steps=10, file=file)
+    monkeypatch.setattr(study, "fit", None)
+    for sampler, seed, said in ((study.Sampler.EMCEE, 6, "`seed` 5"), (study.Sampler.NUTS, 5, "`sampler` emcee")):
+        with pytest.raises(InputError, match=f"was begun with {said}"):
+            study.infer(problem, sampler=sampler, seed=seed, file=file)
 
 
 def _louder(problem):
