@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -87,7 +88,7 @@ def solve_to_tolerance(
         say(f"{settings.n_harmonics} harmonics, {settings.n_radial} terms, {1e3 * settings.axial_step:.3g} mm steps")
         found = solve(settings, np.zeros(1), z[-1:]).convergence
         if keeps_harmonics:
-            found = dataclasses.replace(found, harmonics=np.zeros_like(found.harmonics))
+            found = dataclasses.replace(found, harmonics=jnp.zeros_like(found.harmonics))
         better = refined(settings, found, tolerance)
         if better == settings:
             break
