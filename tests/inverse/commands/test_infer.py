@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from inverse.commands import infer as command
 from inverse.commands.infer import Across
 from inverse.commands.infer import _sweeps as infer_command_sweeps
 from inverse.commands.main import run
@@ -98,6 +99,22 @@ def test_units_that_look_wrong_can_be_believed(tmp_path, capsys):
     settings = json.loads((tmp_path / "out" / "summary.json").read_text())["settings"]
     assert settings["trust_units"] and settings["sweeps"] == ["20.0 degC"] and settings["profiles"] is False
     assert "Sweeps: 20.0 degC." in (tmp_path / "out" / "report.md").read_text()
+
+
+@pytest.mark.parametrize(("drawn", "said"), [(True, "draws so far are kept in"), (False, "nothing was written")])
+def test_what_is_said_when_it_is_stopped(drawn, said, tmp_path, capsys, monkeypatch):
+    out = tmp_path / "out"
+
+    def stopped(*_, file, **__):
+        if drawn:
+            out.mkdir()
+            file.write_text("draws")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, "infer", stopped)
+    assert run(["infer", "--dma", POLYMER, "--temperature", "60", "--out", str(out)]) == 130
+    assert said in capsys.readouterr().err
+    assert [each.name for each in tmp_path.glob("**/*")] == (["out", "run.h5"] if drawn else [])
 
 
 def test_what_a_prior_does_not_take_and_attenuation_without_anchors(tmp_path, capsys):
