@@ -10,6 +10,7 @@ from arfjax.mechanics.elements.refinement import OuterLayer
 from arfjax.mechanics.material.lesion import LinearEdge, SharpEdge
 from arfjax.mechanics.material.viscoelastic import ConstrainedModulus, ModulusReading, ShearModulus, YoungModulus
 from arfjax.model import DamageEdge, DoseSize, Lesion, tabulated_size
+from arfjax.suomi2016 import POISSON_RATIO
 from arfjax.tissues import lesion_viscoelasticity
 
 WallName = Literal["fixed", "free", "sliding"]
@@ -39,7 +40,7 @@ class Mechanics(Section):
     """
 
     modulus: Literal["young", "shear", "constrained"] = "young"
-    poisson_ratio: Annotated[Number, between(0.0, 0.49999, "", "take 0.499 for soft tissue")] = 0.499
+    poisson_ratio: Annotated[Number, between(0.0, 0.49999, "", "take 0.499 for soft tissue")] = POISSON_RATIO
     walls: WallsSection = WallsSection()
     outer_layers_mm: Annotated[Number, between(0.5, 100.0, "mm", "is it in metres? Give millimetres")] | None = None
 

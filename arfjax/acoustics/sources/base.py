@@ -2,7 +2,6 @@
 
 import abc
 import math
-from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -27,9 +26,6 @@ class Source(Radiator):
 
     Its strength is one number, the source pressure [Pa], which a drive computes from the source's `area`.
     """
-
-    is_on_plane: ClassVar[bool] = False
-    """True where the field is given on a plane, from which the march then starts; such a source is a `PlaneSource`."""
 
     @property
     @abc.abstractmethod
@@ -82,7 +78,6 @@ class PlaneSource(Source):
     higher ones leaves out evanescent waves only, once pi n_modes / radius exceeds the wavenumber.
     """
 
-    is_on_plane: ClassVar[bool] = True
     plane: eqx.AbstractVar[float]
 
     @property

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from arfjax.acoustics.diffraction import ExactOneWay
+from arfjax.acoustics.sources.base import PlaneSource
 from arfjax.numerics.hankel import hankel_basis
 from arfjax.transducer import FocusedBowl
 
@@ -24,7 +25,7 @@ def axial_wavenumber(basis=BASIS, diffraction=ExactOneWay()):  # noqa: B008  fro
 
 def series(source, basis=BASIS, plane=12e-3):
     """Coefficients of a source on its own plane, or of a surface's field on `plane`, faded out beyond 34 mm."""
-    if source.is_on_plane:
+    if isinstance(source, PlaneSource):
         return source.series(1.0, COMPLEX_WAVENUMBER, basis)
     pressure = source.pressure_on_plane(1.0, COMPLEX_WAVENUMBER, basis.nodes, plane)
     return jnp.asarray(basis.to_series @ (np.asarray(pressure) * np.cos(0.5 * np.pi * _sponge_depth(basis)) ** 2))
