@@ -258,6 +258,7 @@ def fit_hmi(
         return jnp.concatenate([(simulate(z) - measured) / sd, z])
 
     given = data.sd is not None
+    # Against time a curve is over the simulated value at the reference temperature, which no reading has to be.
     in_time = data.temperature is None
     informative = np.arange(len(measured)) if in_time else used_rows(data, settings.reference_temperature_c)
     sd = np.asarray(data.sd) / unit if given else np.full(len(measured), _FIRST_NOISE_PERCENT)

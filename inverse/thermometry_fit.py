@@ -330,7 +330,7 @@ def _ratio_range(
     if stopped:
         doubts.append(f"{stopped} of {len(_PROFILE)} fits of the other constants did not converge")
     if min(rises) < -_LOWER_MINIMUM:
-        doubts.append("one of them fits better than the fit: fit again from more starts")
+        doubts.append("a ratio that was held fits better than the fit: fit again from more starts")
     return ends, f"The range of diffusion_time_ratio is in doubt: {'; '.join(doubts)}." if doubts else ""
 
 

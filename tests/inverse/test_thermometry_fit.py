@@ -147,6 +147,14 @@ def test_measured_heating_of_60_s():
     np.testing.assert_allclose(again.values, fit.values, rtol=1e-3)
 
 
+def test_refits_that_did_not_converge_put_the_range_in_doubt(monkeypatch):
+    monkeypatch.setattr(thermometry_fit, "_MAX_STEPS", 1)
+    fit = fit_heating(twin(1, False), seed=3, n_starts=1)
+    assert "fits of the other constants did not converge" in fit.ratio_doubt and fit.ratio_doubt in fit.warnings
+    # From a start that is no minimum, ratios that are held nearer to the truth fit better.
+    assert "a ratio that was held fits better than the fit" in fit.ratio_doubt
+
+
 def test_data_that_cannot_be_fitted():
     data = twin(1, False)
     short = ThermometryData(data.path, data.time[:8], data.temperature[:8], None, None, None, data.occluded[:8])

@@ -86,7 +86,7 @@ class WhiteResidual(eqx.Module):
         """Derivative of `plain` in all unknowns.
 
         A row follows no solid but its own and that of the sweep before, so that one derivative for each constant serves
-        all sweeps: 28 instead of 90 of fifteen sweeps, a quarter of the time.
+        all sweeps: 28 instead of 91 with three constants in each of 21 sweeps, a quarter of the time.
         """
         if any(cause.mixes_rows for cause in self.causes):
             return jax.jacfwd(self.plain)(unknowns)
