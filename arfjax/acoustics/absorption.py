@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from arfjax.media import AcousticMedium, Scalar
+from arfjax.numerics.decay import mean_decay
 from arfjax.units import REFERENCE_FREQUENCY
 
 
@@ -36,17 +37,9 @@ def phase_speed(medium: AcousticMedium, frequency: Float[Array, " harmonic"]) ->
     """
     excess = jnp.asarray(medium.absorption_exponent - 1.0, dtype=frequency.dtype)
     octaves = jnp.log(frequency / REFERENCE_FREQUENCY)
-    # tan(pi y / 2) (x^(y-1) - 1) = -(2 / pi) log(x) phi(excess log x) chi(pi excess / 2), smooth through y = 1.
-    shape = 2.0 / math.pi * octaves * _relative_growth(excess * octaves) * _cotangent(0.5 * math.pi * excess)
+    # tan(pi y / 2) (x^(y-1) - 1) = -(2 / pi) log(x) phi(-excess log x) chi(pi excess / 2), smooth through y = 1.
+    shape = 2.0 / math.pi * octaves * mean_decay(-excess * octaves) * _cotangent(0.5 * math.pi * excess)
     return 1.0 / (1.0 / medium.sound_speed - medium.attenuation / (2.0 * math.pi * REFERENCE_FREQUENCY) * shape)
-
-
-def _relative_growth(x: Array) -> Array:
-    """(exp(x) - 1) / x, by its series near 0."""
-    is_small = jnp.abs(x) < 1e-2
-    safe = jnp.where(is_small, 1.0, x)
-    series = 1.0 + x / 2.0 * (1.0 + x / 3.0 * (1.0 + x / 4.0 * (1.0 + x / 5.0 * (1.0 + x / 6.0))))
-    return jnp.where(is_small, series, jnp.expm1(safe) / safe)
 
 
 def _cotangent(x: Scalar) -> Scalar:

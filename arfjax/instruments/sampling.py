@@ -10,13 +10,15 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from arfjax.errors import InputError
+from arfjax.errors import InputError, lies_within
 from arfjax.grid import AxisymmetricGrid
 from arfjax.media import Scalar
 from arfjax.numerics.interpolation import interpolation_weights
 
 Positions = Float[Array, " point"]
 Shares = Float[Array, " point"] | Float[np.ndarray, " point"]
+
+_LARGEST = float(np.finfo(float).max)
 
 
 def point_weights(squared_radius: Positions, z: Positions, shares: Shares, grid: AxisymmetricGrid) -> Array:
@@ -57,13 +59,10 @@ def require(name: str, value: Scalar, unit: str, *, least: float = -np.inf, abov
     Raises:
         InputError: what it is, what it must be.
     """
-    if isinstance(value, Tracer):
-        return
-    number = np.asarray(value)
-    if np.all(np.isfinite(number)) and np.all(number > least if above else number >= least):
+    if lies_within(value, max(least, -_LARGEST), _LARGEST, above=above):
         return
     bound = "" if least == -np.inf else f" {'above' if above else 'not below'} {least:g}"
-    raise InputError(f"`{name}` must be a finite number{bound} [{unit}], got {number}; correct it.")
+    raise InputError(f"`{name}` must be a finite number{bound} [{unit}], got {np.asarray(value)}; correct it.")
 
 
 def require_inside(what: str, grid: AxisymmetricGrid, *, radius: Scalar, near: Scalar, far: Scalar) -> None:

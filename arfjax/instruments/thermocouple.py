@@ -11,6 +11,7 @@ from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
 from arfjax.instruments.sampling import mean_over, point_weights, require, require_field, require_inside
 from arfjax.media import Scalar, Values
+from arfjax.numerics.decay import mean_decay
 from arfjax.numerics.quadrature import gauss_legendre
 from arfjax.thermal.bioheat import TemperatureHistory
 
@@ -19,9 +20,6 @@ N_POINTS = 4
 
 _NEGLIGIBLE = 80.0
 """Intervals in time constants after which nothing is left of a deviation (1e-35): kept clear of underflow."""
-
-_SERIES = 1e-3
-"""Intervals in time constants below which a mean decay is a series: the derivative of the quotient loses digits."""
 
 Heat = Float[Array, "r z"] | Float[np.ndarray, "r z"] | Float[Array, "interval r z"] | Float[np.ndarray, "interval r z"]
 
@@ -99,8 +97,8 @@ class Thermocouple(eqx.Module):
         weights = self._weights(grid, z)
         intervals = jnp.diff(history.time)
         tissue = mean_over(weights, history.temperature)
-        decay, mean_decay = relaxation(intervals, self.time_constant)
-        shown = tissue - _accumulate(decay, mean_decay * jnp.diff(tissue))
+        decay, mean = relaxation(intervals, self.time_constant)
+        shown = tissue - _accumulate(decay, mean * jnp.diff(tissue))
         if heat is None and self._is_free_of_artefact():
             return shown
         if heat is None or heat_capacity is None:
@@ -109,8 +107,8 @@ class Thermocouple(eqx.Module):
                 "tissue; pass both, or set `viscous_fraction` to 0."
             )
         rate = self.viscous_fraction * _heating_rate(weights, heat, heat_capacity, grid, len(intervals)) * power
-        decay, mean_decay = relaxation(intervals, self.viscous_time_constant)
-        return shown + _accumulate(decay, intervals * mean_decay * rate)
+        decay, mean = relaxation(intervals, self.viscous_time_constant)
+        return shown + _accumulate(decay, intervals * mean * rate)
 
     def _weights(self, grid: AxisymmetricGrid, z: Scalar) -> Float[Array, "r z"]:
         radius, middle = 0.5 * self.junction_diameter, z + self.axial_offset
@@ -138,10 +136,8 @@ def relaxation(
     lasting = _NEGLIGIBLE * time_constant > intervals
     x = jnp.where(lasting, intervals, 1.0) / jnp.where(lasting, time_constant, 1.0)
     decay = jnp.where(lasting, jnp.exp(-x), jnp.where(intervals > 0.0, 0.0, 1.0))
-    large = jnp.where(x > _SERIES, x, 1.0)
-    mean = jnp.where(x > _SERIES, -jnp.expm1(-large) / large, 1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0)))
     gone = time_constant / jnp.where(intervals > 0.0, intervals, 1.0)
-    return decay, jnp.where(lasting, mean, gone)
+    return decay, jnp.where(lasting, mean_decay(x), gone)
 
 
 @jax.jit

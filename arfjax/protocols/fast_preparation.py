@@ -29,8 +29,8 @@ from arfjax.protocols.stepwise import StepwiseProtocol, lesion_at
 OnStep = Callable[[str, int, int], None]
 """Told what is done, how many times it has been done and how many times it is to be."""
 
-_SMALLEST_HALF = np.array([0.02, 1.0] + 6 * [0.02] + 2 * [2e-4] + [5e-4])
-"""Half widths of the box below which shapes do not notice, in the units of the features."""
+_SMALLEST_HALF = np.array(2 * [0.0] + 6 * [0.02] + 2 * [2e-4] + [5e-4])
+"""Half widths of the box below which shapes do not notice, in the units of the features; a table of sound does."""
 _LENGTH, _DIAMETER = (FEATURES.index(f"lesion's {size} [m]") for size in ("length", "diameter"))
 _ABSENT = -1.5
 """Where a state without a lesion lies in the box's coordinates of a lesion, -1 to 1."""
@@ -98,7 +98,8 @@ def prepare_curve(
 
     What may differ from draw to draw, and afterwards: all that liver and lesion are made of in warmth and motion,
     liver's attenuation and sound speed, what conducts heat anywhere, the power if sound is linear. What may not: the
-    transducer, thicknesses, all else that sound meets.
+    transducer, thicknesses, all else that sound meets. What all draws share is not followed: of a liver with another
+    attenuation than theirs every displacement is NaN, and its derivative in a shared one is 0.
 
     Args:
         draws: Models that span what will be asked for, such as 100 draws of a prior, all built alike.
@@ -129,7 +130,7 @@ def prepare_curve(
     blank = SoundTable(*ranges, heat=expanded(table.heat, *ranges), force=jnp.zeros((*table.heat.shape[:2], 0)))
     fast = FastCurve(centre, blank, _no_solid(), _no_box(), coarse, linear)
     states = _states(fast, draws, protocols, on_step)
-    fast = dataclasses.replace(fast, box=_box(states))
+    fast = dataclasses.replace(fast, box=_box(states, ranges))
     chosen = _far_apart(_places(states, fast.box, by_logarithm=effort.small_lesions), effort.n_pushes)
     forces = dataclasses.replace(blank, heat=expanded(table.force, *ranges))
     pushes = []
@@ -225,12 +226,16 @@ def _features_of(
     return of
 
 
-def _box(states: _States) -> Box:
+def _box(states: _States, of_sound: tuple[Interval, Interval]) -> Box:
+    """Ranges of the states, a twentieth wider; of what sound depends on, those of its table, which end there."""
     masked = np.where(states.present, states.values, np.nan)
     if np.all(np.isnan(masked[:, -1])):
         raise InputError("no draw has a lesion in any state: there is nothing that a fast curve would be needed for.")
     low, high = np.nanmin(masked, axis=0), np.nanmax(masked, axis=0)
-    return Box(0.5 * (low + high), np.maximum(0.55 * (high - low), _SMALLEST_HALF))
+    middle, half = 0.5 * (low + high), np.maximum(0.55 * (high - low), _SMALLEST_HALF)
+    for place, interval in enumerate(of_sound):
+        middle[place], half[place] = interval.middle, interval.half
+    return Box(middle, half)
 
 
 def _places(states: _States, box: Box, *, by_logarithm: bool) -> Float[np.ndarray, "state feature"]:
@@ -273,4 +278,4 @@ def _no_solid() -> ReducedSolid:
 
 
 def _no_box() -> Box:
-    return Box(np.zeros(len(_SMALLEST_HALF)), _SMALLEST_HALF)
+    return Box(np.zeros(len(FEATURES)), np.ones(len(FEATURES)))

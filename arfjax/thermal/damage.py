@@ -19,6 +19,7 @@ from arfjax.laws import Temperature
 from arfjax.laws import coagulated_fraction as coagulated_fraction
 from arfjax.laws import log_excess as log_excess
 from arfjax.media import Scalar
+from arfjax.numerics.decay import mean_decay
 from arfjax.units import SECONDS_PER_MINUTE, ZERO_CELSIUS_IN_KELVIN
 
 REFERENCE_TEMPERATURE = 43.0
@@ -35,9 +36,6 @@ GAS_CONSTANT = 8.314462618
 
 LOG_BOLTZMANN_OVER_PLANCK = math.log(1.380649e-23 / 6.62607015e-34)
 """ln of k_B / h in 1/(s K), exact in the SI of 2019; as a logarithm, because h is no number of float32."""
-
-SERIES_BELOW = 0.1
-"""Change of the logarithm of the rate below which its mean comes from a series; ten terms leave less than rounding."""
 
 
 class DamageLaw(eqx.Module):
@@ -198,14 +196,4 @@ def _mean_rate_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 def _mean_of_exponential(start: Float[Array, "*space"], end: Float[Array, "*space"]) -> Float[Array, "*space"]:
     rising = end >= start
     higher, lower = jnp.where(rising, end, start), jnp.where(rising, start, end)
-    return jnp.exp(higher) * _mean_decay(higher - lower)  # from the higher end: nothing can overflow
-
-
-def _mean_decay(drop: Float[Array, "*space"]) -> Float[Array, "*space"]:
-    """Mean of exp(-x) for x from 0 to `drop`, which is not negative."""
-    near = drop < SERIES_BELOW
-    small, large = jnp.where(near, drop, 0.0), jnp.where(near, 1.0, drop)
-    series = jnp.ones_like(small)
-    for order in range(10, 1, -1):
-        series = 1.0 - small / order * series
-    return jnp.where(near, series, -jnp.expm1(-large) / large)
+    return jnp.exp(higher) * mean_decay(higher - lower)  # from the higher end: nothing can overflow

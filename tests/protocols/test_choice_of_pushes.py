@@ -1,12 +1,15 @@
 """Which states a fast curve learns its pushes from."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from arfjax.protocols.fast_curve import FEATURES
 from arfjax.protocols.fast_preparation import _box, _far_apart, _places, _States
+from arfjax.protocols.sound_table import Interval
 
 LENGTH, DIAMETER = -3, -2
+OF_SOUND = Interval.around(np.asarray([0.9, 1.2]), 8), Interval.around(np.asarray([1.1, 1.1]), 8)
 
 
 @pytest.fixture
@@ -22,7 +25,7 @@ def states():
 
 
 def test_largest_lesion_is_1_and_the_smallest_are_minus_1_and_none_is_below(states):
-    places = _places(states, _box(states), by_logarithm=True)
+    places = _places(states, _box(states, OF_SOUND), by_logarithm=True)
     for size in (LENGTH, DIAMETER):
         np.testing.assert_allclose(places[[-2, 0, -1], size], [1.0, -1.0, -1.5], atol=1e-12)
         # Halfway on the logarithm, which begins at 3 percent of the largest.
@@ -34,8 +37,18 @@ def test_largest_lesion_is_1_and_the_smallest_are_minus_1_and_none_is_below(stat
 def test_by_the_logarithm_half_of_the_pushes_are_of_small_lesions(states):
     small = {}
     for by_logarithm in (False, True):
-        chosen = _far_apart(_places(states, _box(states), by_logarithm=by_logarithm), 12)
+        chosen = _far_apart(_places(states, _box(states, OF_SOUND), by_logarithm=by_logarithm), 12)
         assert len(set(chosen.tolist())) == 12 and chosen[0] == 299
         lesions = states.values[chosen, LENGTH][states.present[chosen, LENGTH]]
         small[by_logarithm] = int(np.sum(lesions < np.sqrt(0.03) * 2e-2))
     assert small[True] >= 5 and small[False] <= 3
+
+
+@pytest.mark.parametrize(("feature", "change", "covered"), [(0, 0.16, True), (0, 0.17, False), (1, 1e-3, False)])
+def test_a_box_ends_where_the_table_of_sound_does(states, feature, change, covered):
+    """Also where all draws have one sound speed, so that the table has a single term: a neighbour is not like them."""
+    values = states.values[:1].copy()
+    values[0, :2] = [interval.middle for interval in OF_SOUND]
+    values[0, feature] += change
+    excess = _box(states, OF_SOUND).excess(jnp.asarray(values), jnp.ones(values.shape, dtype=bool))
+    assert (float(excess) <= 1.0) is covered

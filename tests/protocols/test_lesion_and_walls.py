@@ -22,7 +22,7 @@ from arfjax import (
 )
 from arfjax.mechanics.elements.mesh import Walls
 from arfjax.mechanics.force import total_force
-from arfjax.mechanics.material.inclusion import ellipsoid_depth
+from arfjax.mechanics.material.lesion import Ellipsoid, EllipsoidalLesion
 from arfjax.model import DamageEdge
 from arfjax.protocols.shear_wave import WatchSettings, watch_mesh
 from arfjax.protocols.stepwise import force_at, lesion_share, push
@@ -55,8 +55,8 @@ def share_with(edge, size=SIZE, dose=None):
 
 
 def test_linear_edge_is_the_papers_depth():
-    depth = ellipsoid_depth(MESH.gauss_r, MESH.gauss_z, length=8e-3, diameter=3e-3, centre=FOCUS)
-    np.testing.assert_array_equal(share_with(LinearEdge()), depth)
+    lesion = EllipsoidalLesion(Ellipsoid.of_length_and_diameter(8e-3, 3e-3, centre=FOCUS))
+    np.testing.assert_array_equal(share_with(LinearEdge()), lesion(MESH.gauss_r[:, None], MESH.gauss_z[None, :]))
 
 
 def test_sharp_edge_and_damage_hold_the_ellipsoids_volume():

@@ -13,6 +13,7 @@ from arfjax.mechanics.explicit.settings import ExplicitSettings
 from arfjax.mechanics.explicit.solver import assemble_push
 from arfjax.mechanics.explicit.stencil import LatticeSolid, State, Strain, advance, at_rest, internal_force, strain_of
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
+from arfjax.numerics.decay import mean_decay
 
 
 class EnergyBalance(eqx.Module):
@@ -113,7 +114,7 @@ class _Branches:
     def __init__(self, layout: Layout, material: ViscoelasticField, time_step: float):
         volumes = jnp.asarray(layout.grid.volumes, material.density.dtype)[None]
         decrement = time_step / material.relaxation_times
-        self.gain = layout.cells(2.0 * volumes * material.branch_shear_moduli * -jnp.expm1(-decrement) / decrement)
+        self.gain = layout.cells(2.0 * volumes * material.branch_shear_moduli * mean_decay(decrement))
         stiffness = 2.0 * volumes * material.branch_shear_moduli
         exists = stiffness != 0.0
         self.compliance = layout.cells(jnp.where(exists, 1.0 / jnp.where(exists, stiffness, 1.0), 0.0))

@@ -9,7 +9,7 @@ So the stencil is nothing but shifted slices of long contiguous lines, without a
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
@@ -167,23 +167,3 @@ class Layout:
             if wall is not Wall.SLIDING:
                 to_wall = np.minimum(to_wall, distance)
         return layer.rate * np.clip(1.0 - to_wall / layer.width, 0.0, 1.0) ** 2
-
-
-def cubic_weights(
-    nodes: Float[np.ndarray, " node"] | Float[Array, " node"],
-    positions: Float[np.ndarray, " point"] | Float[Array, " point"],
-) -> tuple[Int[Array, " point"], Float[Array, "point support"]]:
-    """First of the four nodes about each position, and their weights in the cubic through them.
-
-    With fewer than four nodes it is the polynomial through all of them. Outside the nodes it extrapolates.
-    """
-    nodes, positions = jnp.asarray(nodes), jnp.asarray(positions)
-    n = min(4, len(nodes))
-    first = jnp.clip(jnp.searchsorted(nodes, positions, side="right") - n // 2, 0, len(nodes) - n)
-    near = nodes[first[:, None] + jnp.arange(n)[None, :]]
-    weights = []
-    for i in range(n):
-        others = [k for k in range(n) if k != i]
-        factors = [(positions - near[:, k]) / (near[:, i] - near[:, k]) for k in others]
-        weights.append(jnp.prod(jnp.stack(factors), axis=0))
-    return first, jnp.stack(weights, axis=-1)

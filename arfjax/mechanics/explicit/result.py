@@ -5,8 +5,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from arfjax.mechanics.explicit.grid import cubic_weights
 from arfjax.media import Scalar
+from arfjax.numerics.interpolation import stencil_weights
 
 
 class ExplicitConvergence(eqx.Module):
@@ -67,7 +67,7 @@ class ExplicitResult(eqx.Module):
 
     def at_focus(self, z: Scalar) -> Float[Array, " time"]:
         """Axial displacement [m] on the axis at `z` [m], by the cubic through the four nearest nodes."""
-        first, weights = cubic_weights(self.z, jnp.asarray(z, self.z.dtype)[None])
+        first, weights = stencil_weights(jnp.asarray(z, self.z.dtype)[None], self.z)
         near = jax.lax.dynamic_slice_in_dim(self.axial_displacement_on_axis, first[0], weights.shape[1], axis=1)
         return near @ weights[0]
 

@@ -29,13 +29,13 @@ from arfjax.mechanics.explicit.grid import (
     Layout,
     coarsened,
     coarsened_cells,
-    cubic_weights,
 )
 from arfjax.mechanics.explicit.result import ExplicitResult, estimate, no_estimate
 from arfjax.mechanics.explicit.settings import ExplicitSettings, longest_stable_step
 from arfjax.mechanics.explicit.stencil import LatticeSolid, State, advance, at_rest, internal_force, solid_of, strain_of
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
 from arfjax.media import Scalar
+from arfjax.numerics.interpolation import stencil_weights
 
 _NO_POINTS = np.zeros((0, 2))
 _FIXED = Walls()
@@ -282,8 +282,8 @@ def _weight_at_end(settings: ExplicitSettings, amplitude: Amplitude) -> Scalar:
 def _observer(layout: Layout, points: Float[np.ndarray, "point 2"], dtype: jnp.dtype):
     """What is kept of every step: axial displacement on the axis, displacement at the points."""
     row, start = layout.row, layout.row + 1
-    first_r, weights_r = cubic_weights(layout.grid.r_faces, points[:, 0])
-    first_z, weights_z = cubic_weights(layout.grid.z_faces, points[:, 1])
+    first_r, weights_r = stencil_weights(points[:, 0], layout.grid.r_faces)
+    first_z, weights_z = stencil_weights(points[:, 1], layout.grid.z_faces)
     rows = (first_r[:, None] + jnp.arange(weights_r.shape[1])[None, :])[:, :, None]
     columns = (first_z[:, None] + jnp.arange(weights_z.shape[1])[None, :])[:, None, :]
     places = start + rows * row + columns

@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 from arfjax.mechanics.elements.mesh import Walls
 from arfjax.mechanics.explicit.grid import DampingLayer, Layout
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
+from arfjax.numerics.decay import mean_decay
 
 
 class LatticeSolid(eqx.Module):
@@ -82,7 +83,7 @@ def solid_of(
     )
     decrement = time_step / material.relaxation_times
     lost = -jnp.expm1(-decrement)
-    gained = material.branch_shear_moduli * (lost / decrement)
+    gained = material.branch_shear_moduli * mean_decay(decrement)
     shear = material.relaxed_shear_modulus + jnp.sum(gained, axis=0)
     unrelaxed = material.relaxed_shear_modulus + jnp.sum(material.branch_shear_moduli, axis=0)
     rate = None if layer is None else jnp.asarray(0.5 * time_step * layout.damping_rate(layer, walls).ravel(), dtype)

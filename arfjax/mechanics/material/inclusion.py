@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from arfjax.errors import InputError, lies_within
 from arfjax.mechanics.elements.mesh import Mesh
-from arfjax.mechanics.material.lesion import Ellipsoid, EllipsoidalLesion, Points
+from arfjax.mechanics.material.lesion import Points
 from arfjax.mechanics.material.viscoelastic import (
     FieldOrScalar,
     ModulusReading,
@@ -107,6 +107,9 @@ def material_of(
 ) -> ViscoelasticField:
     """The field of a solid whose constants are numbers or fields on the Gauss points, see `material_at`.
 
+    The bulk modulus follows from Poisson's ratio and the instantaneous modulus: the paper states the former and not
+    which modulus it goes with; for the displacement it makes less than 0.4 percent points.
+
     Raises:
         InputError: if it is a dashpot or a spring-pot alone, which has no spring that resistance to volume goes with.
     """
@@ -140,53 +143,6 @@ def instantaneous_modulus(solid: Solid) -> Scalar | Float[Array, "..."]:
             return solid.relaxed_modulus
         case Prony():
             return solid.relaxed_modulus + jnp.sum(jnp.asarray(solid.branch_moduli), axis=0)
-
-
-def ellipsoid_depth(
-    r: Float[np.ndarray, " rq"], z: Float[np.ndarray, " zq"], *, length: Scalar, diameter: Scalar, centre: Scalar
-) -> Float[Array, "rq zq"]:
-    """Depth of points in an ellipsoid on the axis: 1 at its centre, falling linearly to 0 at its edge, 0 outside.
-
-    Args:
-        r: Radial positions [m].
-        z: Axial positions [m].
-        length: Of the ellipsoid along the axis, tip to tip [m]; 0 for none.
-        diameter: Across the axis [m]; 0 for none.
-        centre: Axial position of its centre [m].
-    """
-    ellipsoid = Ellipsoid.of_length_and_diameter(length, diameter, centre=centre)
-    return EllipsoidalLesion(ellipsoid)(r[:, None], z[None, :])
-
-
-def liver_with_lesion(
-    liver: Solid,
-    lesion: Solid,
-    depth: Float[Array, "rq zq"],
-    *,
-    density: FieldOrScalar,
-    reading: ModulusReading,
-    poisson_ratio: Scalar,
-) -> ViscoelasticField:
-    """Material whose every constant goes linearly from the liver's to the lesion's with the depth in the lesion.
-
-    The bulk modulus follows from Poisson's ratio and the instantaneous modulus: the paper states the former and not
-    which modulus it goes with; for the displacement it makes less than 0.4 percent points.
-
-    Args:
-        liver: Constants outside the lesion.
-        lesion: Constants at the lesion's centre; the same kind of solid.
-        depth: Depth in the lesion at the Gauss points, from 0 (outside) to 1 (centre).
-        density: [kg/m^3], a number or a field.
-        reading: Which moduli the solid's are.
-        poisson_ratio: [1].
-    """
-    return material_of(
-        mixed(liver, lesion, depth),
-        (depth.shape[0], depth.shape[1]),
-        density=density,
-        reading=reading,
-        poisson_ratio=poisson_ratio,
-    )
 
 
 def _mixed_constant(outside: _Constant, inside: _Constant, share: Float[Array, "rq zq"]) -> Float[Array, "..."]:

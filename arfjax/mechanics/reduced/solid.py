@@ -20,8 +20,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
-from arfjax.mechanics.transient.march import Scheme, mean_decay
+from arfjax.mechanics.transient.march import Scheme
 from arfjax.mechanics.transient.push import PushSettings
+from arfjax.numerics.decay import mean_decay
 
 
 class ReducedSolid(eqx.Module):

@@ -36,6 +36,7 @@ from arfjax.mechanics.elements.gauss_points import (
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.elements.pattern import displacement_pattern
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
+from arfjax.numerics.decay import mean_decay
 from arfjax.numerics.sparse_direct import Factor, Pattern, factorise, solve
 
 History = Float[Array, "step 2 row column"]
@@ -105,14 +106,6 @@ def prepare(mesh: Mesh, material: ViscoelasticField, time_step: float) -> Prepar
         decay=jnp.exp(-decrement),
         volume=volumetric(mesh, at_points(mesh, material.bulk_modulus)),
     )
-
-
-def mean_decay(decrement: Float[Array, "*any"]) -> Float[Array, "*any"]:
-    """Mean of exp(-x) from 0 to a decrement: by its series where that is small, whose slope keeps its digits."""
-    small = decrement < 1e-3
-    x = jnp.where(small, 1.0, decrement)
-    series = 1.0 - decrement / 2.0 * (1.0 - decrement / 3.0 * (1.0 - decrement / 4.0 * (1.0 - decrement / 5.0)))
-    return jnp.where(small, series, -jnp.expm1(-x) / x)
 
 
 class _State(eqx.Module):

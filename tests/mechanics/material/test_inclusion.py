@@ -13,8 +13,6 @@ from arfjax.mechanics.elements.refinement import focused_mesh
 from arfjax.mechanics.force import total_force
 from arfjax.mechanics.material.inclusion import (
     Inclusion,
-    ellipsoid_depth,
-    liver_with_lesion,
     material_at,
     material_of,
     mixed,
@@ -36,6 +34,15 @@ R, Z = np.asarray([0.1e-3, 0.45e-3, 2e-3]), np.asarray([60e-3, 62.6e-3, 64e-3])
 OTHERS = {"density": 1060.0, "poisson_ratio": 0.499}
 
 
+def ellipsoid_depth(r, z, *, length, diameter, centre):
+    lesion = EllipsoidalLesion(Ellipsoid.of_length_and_diameter(length, diameter, centre=centre))
+    return lesion(r[:, None], z[None, :])
+
+
+def liver_with_lesion(liver, lesion, depth, *, reading):
+    return material_of(mixed(liver, lesion, depth), depth.shape, reading=reading, **OTHERS)
+
+
 def test_depth_is_one_at_the_centre_and_zero_from_the_edge_on():
     depth = ellipsoid_depth(np.asarray([0.0, 0.3e-3, 0.6e-3, 1e-3]), Z, length=5e-3, diameter=1.2e-3, centre=62.6e-3)
     np.testing.assert_allclose(depth[:, 1], [1.0, 0.5, 0.0, 0.0], atol=1e-14)
@@ -45,7 +52,7 @@ def test_depth_is_one_at_the_centre_and_zero_from_the_edge_on():
 
 def test_no_lesion_leaves_liver_alone():
     depth = ellipsoid_depth(R, Z, length=0.0, diameter=0.0, centre=62.6e-3)
-    material = liver_with_lesion(LIVER, LESION, depth, reading=ShearModulus(), **OTHERS)
+    material = liver_with_lesion(LIVER, LESION, depth, reading=ShearModulus())
     np.testing.assert_allclose(material.relaxed_shear_modulus, 1100.0)
     np.testing.assert_allclose(material.branch_shear_moduli, 900.0)
     np.testing.assert_allclose(material.relaxation_times, 0.3)
@@ -53,8 +60,8 @@ def test_no_lesion_leaves_liver_alone():
 
 def test_readings_of_the_modulus():
     depth = jnp.ones((3, 3))
-    as_shear = liver_with_lesion(LIVER, LESION, depth, reading=ShearModulus(), **OTHERS)
-    as_young = liver_with_lesion(LIVER, LESION, depth, reading=YoungModulus(), **OTHERS)
+    as_shear = liver_with_lesion(LIVER, LESION, depth, reading=ShearModulus())
+    as_young = liver_with_lesion(LIVER, LESION, depth, reading=YoungModulus())
     np.testing.assert_allclose(as_shear.relaxed_shear_modulus, 8.0)
     np.testing.assert_allclose(as_young.branch_shear_moduli, 52592.0 / 2.998)
     np.testing.assert_allclose(as_young.bulk_modulus, 52600.0 / (3.0 * 0.002))
@@ -67,9 +74,8 @@ def test_fractional_order_one_is_the_conventional_solid():
         FractionalZener(8.0, 52600.0, 0.7, 1.0),
         depth,
         reading=YoungModulus(),
-        **OTHERS,
     )
-    conventional = liver_with_lesion(LIVER, LESION, depth, reading=YoungModulus(), **OTHERS)
+    conventional = liver_with_lesion(LIVER, LESION, depth, reading=YoungModulus())
     np.testing.assert_allclose(fractional.branch_shear_moduli.sum(0), conventional.branch_shear_moduli[0], rtol=1e-12)
     np.testing.assert_allclose(fractional.relaxed_shear_modulus, conventional.relaxed_shear_modulus, rtol=1e-12)
 
@@ -78,7 +84,7 @@ def test_fractional_order_one_is_the_conventional_solid():
 def test_fractional_solid_in_a_push_follows_the_mittag_leffler_function(order):
     """At times from 1e-5 to 0.1 relaxation times, against its spectral integral by a fine trapezoidal rule."""
     solid = FractionalZener(0.0, 1.0, 1.0, order)
-    material = liver_with_lesion(solid, solid, jnp.zeros((1, 1)), reading=ShearModulus(), **OTHERS)
+    material = liver_with_lesion(solid, solid, jnp.zeros((1, 1)), reading=ShearModulus())
     log_rate = np.linspace(-150.0, 60.0, 210_001)
     density = np.sin(order * np.pi) / (np.cosh(order * log_rate) + np.cos(order * np.pi))
     for time in np.geomspace(1e-5, 0.1, 9):
@@ -89,15 +95,13 @@ def test_fractional_solid_in_a_push_follows_the_mittag_leffler_function(order):
 
 def test_two_kinds_of_solid_are_refused():
     with pytest.raises(InputError, match="same kind"):
-        liver_with_lesion(
-            LIVER, FractionalZener(8.0, 52600.0, 0.7, 0.5), jnp.zeros((1, 1)), reading=YoungModulus(), **OTHERS
-        )
+        liver_with_lesion(LIVER, FractionalZener(8.0, 52600.0, 0.7, 0.5), jnp.zeros((1, 1)), reading=YoungModulus())
 
 
 def test_gradient_in_size_and_place():
     def stiffness(size):
         depth = ellipsoid_depth(R, Z, length=size[0], diameter=size[1], centre=size[2])
-        material = liver_with_lesion(LIVER, LESION, depth, reading=YoungModulus(), **OTHERS)
+        material = liver_with_lesion(LIVER, LESION, depth, reading=YoungModulus())
         return jnp.sum(material.branch_shear_moduli)
 
     assert_gradient(stiffness, jnp.asarray([5e-3, 1.2e-3, 62.5e-3]))
@@ -245,7 +249,7 @@ def test_closures_on_the_mesh_equal_fields():
     lesion = EllipsoidalLesion(Ellipsoid.of_length_and_diameter(5e-3, 2e-3, centre=0.2e-3))
     by_closure = material_at(MESH, Inclusion(LIVER, LESION, lesion), reading=YoungModulus(), **OTHERS)
     depth = ellipsoid_depth(MESH.gauss_r, MESH.gauss_z, length=5e-3, diameter=2e-3, centre=0.2e-3)
-    by_field = liver_with_lesion(LIVER, LESION, depth, reading=YoungModulus(), **OTHERS)
+    by_field = liver_with_lesion(LIVER, LESION, depth, reading=YoungModulus())
     for ours, theirs in zip(jax.tree.leaves(by_closure), jax.tree.leaves(by_field), strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-14)
 
@@ -264,7 +268,7 @@ def test_closures_on_the_mesh_equal_fields():
 )
 def test_every_solid_makes_a_field(outside, inside):
     share = jnp.array([[0.0, 0.5, 1.0]])
-    field = liver_with_lesion(outside, inside, share, reading=ShearModulus(), **OTHERS)
+    field = liver_with_lesion(outside, inside, share, reading=ShearModulus())
     np.testing.assert_allclose(field.relaxed_shear_modulus, [[3e3, 6e3, 9e3]])
     for column, solid in ((0, outside), (2, inside)):
         alone = material_of(solid, (1, 1), reading=ShearModulus(), **OTHERS)

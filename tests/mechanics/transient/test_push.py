@@ -17,7 +17,7 @@ from arfjax.mechanics.elements.mesh import Walls
 from arfjax.mechanics.material.inclusion import Inclusion, material_at
 from arfjax.mechanics.material.lesion import Ellipsoid, EllipsoidalLesion
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField, YoungModulus
-from arfjax.mechanics.transient.march import Scheme, mean_decay, prepare
+from arfjax.mechanics.transient.march import Scheme, prepare
 from arfjax.mechanics.transient.push import PushResult, PushSettings, solve_push
 from arfjax.media import FractionalZener
 from arfjax.numerics.sparse_direct import release_factors
@@ -198,18 +198,6 @@ def test_gradient_of_the_motion_beside_nodes_that_are_held():
     mixed = jax.jit(jax.jacfwd(jax.grad(motion)))(start)
     for one, other in zip(jax.tree.leaves(twice), jax.tree.leaves(mixed), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9)
-
-
-def test_mean_decay_and_its_slope_keep_their_digits():
-    exact = [
-        (1e-12, 1.0 - 5e-13, -0.5),
-        (9.99e-4, -np.expm1(-9.99e-4) / 9.99e-4, None),
-        (2.0, 0.5 * -np.expm1(-2.0), None),
-    ]
-    for x, value, slope in exact:
-        slope = (np.exp(-x) * (1.0 + x) - 1.0) / x**2 if slope is None else slope
-        np.testing.assert_allclose(mean_decay(jnp.asarray(x)), value, rtol=1e-14)
-        np.testing.assert_allclose(jax.grad(mean_decay)(x), slope, rtol=1e-9)
 
 
 @pytest.mark.slow
