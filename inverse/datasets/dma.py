@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from arfjax import InputError
 from arfjax.units import MODULUS_IN_PASCAL
+from inverse.datasets.copies import distinct_rows, said_of_copies
 from inverse.datasets.dma_checks import SWEEP_GAP, check_magnitudes, check_signs, check_time
 from inverse.datasets.table import TEMPERATURE_UNITS, TIME_UNITS, Columns, Quantity, read_columns
 
@@ -216,11 +217,22 @@ def require_loss(data: DmaData, name: str) -> None:
         )
 
 
+def without_copies(data: DmaData) -> tuple[DmaData, tuple[str, ...]]:
+    """Rows of which another one says the same in all that is used are no readings; and what is to be said of them."""
+    columns = [getattr(data, field.name) for field in dataclasses.fields(data) if field.name != "ignored_columns"]
+    kept = distinct_rows([column for column in columns if column is not None and len(column)])
+    copies = len(data) - len(kept)
+    return (data.select(kept) if copies else data), said_of_copies(copies)
+
+
 def group_sweeps(data: DmaData) -> tuple[Sweep, ...]:
     """Group rows by sample and temperature; a gap above 1 K between sorted temperatures starts a new sweep.
 
     Returns:
         Sweeps by sample in the order of the file, then by ascending temperature.
+
+    Raises:
+        InputError: if temperatures lie so close that sweeps at several of them would be one.
     """
     labels = data.sample or ("",) * len(data)
     sweeps = []
@@ -229,9 +241,23 @@ def group_sweeps(data: DmaData) -> tuple[Sweep, ...]:
         rows = rows[np.argsort(data.temperature_c[rows], kind="stable")]
         breaks = np.flatnonzero(np.diff(data.temperature_c[rows]) > SWEEP_GAP) + 1
         for group in np.split(rows, breaks):
-            ordered = group[np.argsort(data.frequency_hz[group], kind="stable")]
-            sweeps.append(Sweep(sample, float(np.mean(data.temperature_c[group])), data.select(ordered)))
+            ordered = data.select(group[np.argsort(data.frequency_hz[group], kind="stable")])
+            _require_one_sweep(ordered, sample)
+            sweeps.append(Sweep(sample, float(np.mean(data.temperature_c[group])), ordered))
     return tuple(sweeps)
+
+
+def _require_one_sweep(data: DmaData, sample: str) -> None:
+    """Refuse rows of one frequency that no gap divides and that are yet at different temperatures."""
+    groups, temperature = frequency_groups(data.frequency_hz), data.temperature_c
+    apart = max(float(np.ptp(temperature[groups == one])) for one in range(1 + int(groups.max())))
+    if apart > 2.0 * SWEEP_GAP:
+        raise InputError(
+            f"{f'sample {sample}: ' if sample else ''}sweeps from {temperature.min():g} to {temperature.max():g} degC "
+            f"cannot be told apart, because no two neighbouring temperatures are more than {SWEEP_GAP:g} K apart; give "
+            "the rows of each sweep one temperature and leave out sweeps in between, or tell sweeps apart by a column "
+            "'sample'."
+        )
 
 
 def _frequency(columns: Columns) -> Float[np.ndarray, " n"]:

@@ -4,9 +4,10 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from arfjax.units import LENGTH_IN_METRE
+from inverse.datasets.copies import distinct_rows, said_of_copies
 from inverse.datasets.table import TEMPERATURE_UNITS, TIME_UNITS, Columns, Quantity, read_columns
 
 _PERCENT = {"%": 1.0, "percent": 1.0, "pct": 1.0}
@@ -64,9 +65,25 @@ class HmiData:
         """The sonications, in the order of the file."""
         return tuple(dict.fromkeys(self.sonication))
 
+    def select(self, rows: Int[np.ndarray, " m"]) -> "HmiData":
+        """Some of the rows."""
+        chosen = {
+            name: None if values is None else values[rows]
+            for name in ("temperature", "time", "displacement", "sd")
+            for values in (getattr(self, name),)
+        }
+        return dataclasses.replace(self, sonication=tuple(self.sonication[row] for row in rows), **chosen)
+
     def rows_of(self, label: str) -> list[int]:
         """Rows of one sonication."""
         return [row for row, name in enumerate(self.sonication) if name == label]
+
+
+def without_copies(data: HmiData) -> tuple[HmiData, tuple[str, ...]]:
+    """Rows of which another one says the same in all that is used are no readings; and what is to be said of them."""
+    kept = distinct_rows([data.sonication, data.temperature, data.time, data.displacement, data.sd])
+    copies = len(data.sonication) - len(kept)
+    return (data.select(kept) if copies else data), said_of_copies(copies)
 
 
 def read_hmi(path: str | Path) -> HmiData:

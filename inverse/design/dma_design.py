@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from arfjax import FractionalZener, complex_modulus
-from inverse.datasets.dma import DmaData
+from inverse.datasets.dma import DmaData, without_copies
 from inverse.design.design import Design, Rated, alive, checked, reasons
 from inverse.design.dma_information import dma_information
 from inverse.design.dma_proposals import DmaProposal, dma_proposals
@@ -54,6 +54,7 @@ def design_dma(
         InputError: if there are no two causes to tell apart, or the fit itself failed.
     """
     find_causes(causes, library)
+    data, copies = without_copies(data)
     remarks: tuple[str, ...] = ()
     if found is None:
         on_step("diagnosing")
@@ -69,7 +70,8 @@ def design_dma(
     for proposal in dma_proposals(data, sample=problem.sweeps[0].sample, seed=seed):
         on_step(f"rating: {proposal.words}")
         together = _with(data, problem, proposal)
-        rated.append((proposal, _separation(dma_problem(together, model), extensions, strengths, size)))
+        further = dma_problem(together, model, whole_drying=problem.whole_drying)
+        rated.append((proposal, _separation(further, extensions, strengths, size)))
     rated.sort(key=lambda one: -one[1].worst)
     checks = []
     if check:
@@ -77,7 +79,8 @@ def design_dma(
         together = _with(data, problem, best)
         for number, (extension, strength) in enumerate(zip(extensions, strengths, strict=True)):
             on_step(f"simulating {best.name} with {extension.cause.name}")
-            simulated = _simulated(together, model, extension, strength, size, seed + 1 + number)
+            further = dma_problem(together, model, seed=seed + 1 + number, whole_drying=problem.whole_drying)
+            simulated = _simulated(together, further, extension, strength, size)
             again = diagnose_dma(simulated, model=model, causes=library, seed=seed, gain=False)
             checks.append(checked(extension.cause.name, again))
     names = {e.cause.name: float(s) for e, s in zip(extensions, strengths, strict=True)}
@@ -89,7 +92,7 @@ def design_dma(
     return Design(
         found.verdict, names, now, tuple(Rated(*one) for one in rated), tuple(checks),
         tuple(size.tolist()), seed,
-        (*remarks, *reasons(found, causes, tuple(names))), information,
+        (*copies, *remarks, *reasons(found, causes, tuple(names))), information,
     )  # fmt: skip
 
 
@@ -98,7 +101,8 @@ def _separation(problem: DmaProblem, extensions, strengths, size: Float[np.ndarr
     alternatives = problem.directions(extensions)
     directions = np.concatenate([one.directions for one in alternatives], axis=1)
     names = [extension.cause.name for extension in extensions]
-    return separation(names, directions, strengths, problem.fitted_directions(), 1.0)
+    signs = [extension.cause.sign for extension in extensions]
+    return separation(names, directions, strengths, problem.fitted_directions(), 1.0, signs)
 
 
 def _with(data: DmaData, problem: DmaProblem, proposal: DmaProposal) -> DmaData:
@@ -156,18 +160,16 @@ def _constants_at(problem: DmaProblem, sample: str, temperature: float) -> Float
 
 def _simulated(
     together: DmaData,
-    model: ZenerModel,
+    problem: DmaProblem,
     extension: Extension[DmaCause],
     strength: float,
     size: Float[np.ndarray, " coordinate"],
-    seed: int,
 ) -> DmaData:
-    """The whole measurement with a cause in it and noise, in the order of its rows."""
-    problem = dma_problem(together, model, seed=seed)
+    """The whole measurement with a cause in it and noise of the problem's seed, sweep by sweep."""
     modulus = np.asarray(
         predicted_modulus(jnp.asarray(problem.constants), problem.conditions, (extension,), jnp.asarray([strength]))
     )
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(problem.seed)
     noise = size * rng.standard_normal((len(modulus), len(size)))
     read = modulus * np.exp(noise @ np.array([1.0, 1.0j])[: len(size)])
     sweeps = [sweep.data for sweep in problem.sweeps]

@@ -83,6 +83,8 @@ def dma_proposals(data: DmaData, *, sample: str | None = None, seed: int = 0) ->
 
     low, high = grid.min(), grid.max()
     between = [0.5 * (a + b) for a, b in zip(sorted(visited), sorted(visited)[1:], strict=False)]
+    # Nearer, it would make one sweep of its neighbours.
+    between = [one for one in between if np.min(np.abs(temperature - one)) > SWEEP_GAP]
     found = [
         taken("again", "the same sweeps once more", visited, lambda: grid),
         taken(

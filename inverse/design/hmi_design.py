@@ -213,7 +213,8 @@ def _separation(fitted: _Fitted, courses: Sequence[Course] | None, more: HmiRows
     believed = fitted.size * problem.program.penalty_slopes(fitted.unknowns)[:, problem.program.constants]
     known = np.append(known, np.pad(believed, [(0, 0), (0, factors.shape[1])]), axis=0)
     moved = np.pad(effects[:, :count], [(0, len(believed)), (0, 0)])
-    return separation(names, moved, fitted.strengths, known, fitted.size)
+    signs = [extension.cause.sign for extension in fitted.extensions]
+    return separation(names, moved, fitted.strengths, known, fitted.size, signs)
 
 
 def _effects(

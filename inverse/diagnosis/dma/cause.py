@@ -19,7 +19,7 @@ class DmaConditions(eqx.Module):
         temperature: [degC].
         time: Since the first row of the sample [s], or in rows where the file gives no time.
         time_in_sweep: Share of the visit's duration that had passed, 0 to 1.
-        exposure: Share of the water that saturated vapour took away until then, 0 to 1 over the sample's measurement.
+        exposure: Share of the water that saturated vapour took away until then, over that of the sample that lost most.
         level: Geometric mean of the measured modulus of the sweep [Pa].
         softest: Lowest measured modulus of all rows [Pa].
         stiffest: Highest measured modulus of all rows [Pa].

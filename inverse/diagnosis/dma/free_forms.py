@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from inverse.datasets.dma import frequency_groups
+from inverse.datasets.dma_checks import SWEEP_GAP
 from inverse.diagnosis.free_forms import COARSE, FINE, LENGTHS, Place, process
 from inverse.diagnosis.screening import Alternative, unit_columns
 
@@ -47,12 +48,13 @@ def dma_free_forms(
         both = np.concatenate([functions, 1j * functions], axis=1)
         return np.where((coordinate == 0)[:, None], both.real, both.imag)
 
-    many = len(labels) > 1
+    many, warmed = len(labels) > 1, float(np.ptp(temperature))
     for length in LENGTHS:
         smooth = _smooth(frequency, coordinate, length)
         if many:
             add(f"smooth-{length:g}", "in all sweeps alike, smoothly along frequency", smooth)
-            slope = 2.0 * (temperature - temperature.min()) / max(np.ptp(temperature), 1e-300) - 1.0
+        if many and warmed > SWEEP_GAP:
+            slope = 2.0 * (temperature - temperature.min()) / warmed - 1.0
             add(f"trend-{length:g}", "growing with temperature, smoothly along frequency", slope[:, None] * smooth)
         for index, label in enumerate(labels):
             add(f"sweep-{index}-{length:g}", f"in the sweep {label} alone", smooth * (sweep == index)[:, None])

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float, Int
 
 from arfjax import InputError
-from inverse.datasets.dma import DmaData, Sweep, group_sweeps
+from inverse.datasets.dma import DmaData, Sweep, group_sweeps, without_copies
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.dma.cause import DmaConditions, predicted_modulus
 from inverse.diagnosis.noise import Ordering, series
@@ -45,6 +45,7 @@ class DmaProblem:
         stated_deviations: Whether the data give them.
         notes: What was assumed, for the report.
         seed: Of the starts of every fit.
+        whole_drying: Pressure of saturated vapour, integrated over time, that exposures are a part of [Pa s].
     """
 
     sweeps: tuple[Sweep, ...]
@@ -56,6 +57,7 @@ class DmaProblem:
     stated_deviations: bool
     notes: tuple[str, ...]
     seed: int
+    whole_drying: float
 
     @property
     def rows(self) -> int:
@@ -139,7 +141,9 @@ class DmaProblem:
         return np.repeat(np.asarray(self.conditions.angular_frequency) / (2.0 * np.pi), self.weights.shape[1])
 
 
-def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: int = 16) -> DmaProblem:
+def dma_problem(
+    data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: int = 16, whole_drying: float | None = None
+) -> DmaProblem:
     """Fit the model to every sweep of a data set and get it ready for a diagnosis.
 
     Args:
@@ -147,6 +151,8 @@ def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: in
         model: The null model.
         seed: Of the starts of the fit.
         n_starts: Starts of each fit.
+        whole_drying: That of another problem, where strengths are to mean what they do there; without, that of the
+            sample that dries most.
 
     Returns:
         The problem on the sweeps that could be fitted.
@@ -162,6 +168,8 @@ def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: in
     weights, stated = _weights(sweeps)
     if data.has_phase and not stated and data.modulus_magnitude_sd is not None:
         notes = (*notes, "The magnitude's standard deviation is not used beside both moduli: theirs would be.")
+    drying = _drying(sweeps)
+    whole = max(float(np.max(np.concatenate(drying))), 1e-300) if whole_drying is None else whole_drying
     left_out = len(group_sweeps(data)) - len(sweeps)
     if left_out:
         notes = (*notes, f"{left_out} sweeps with too few frequencies for {needed} constants were left out.")
@@ -169,26 +177,14 @@ def dma_problem(data: DmaData, model: ZenerModel, *, seed: int = 0, n_starts: in
         sweeps=sweeps,
         fits=fit.fits,
         model=model,
-        conditions=_conditions(sweeps),
+        conditions=_conditions(sweeps, np.concatenate(drying) / whole),
         has_phase=data.has_phase,
         weights=weights,
         stated_deviations=stated,
         notes=notes,
         seed=seed,
+        whole_drying=whole,
     )
-
-
-def without_copies(data: DmaData) -> tuple[DmaData, tuple[str, ...]]:
-    """Rows of which another one says the same in every column are no readings; and what is to be said of them."""
-    columns = [data.frequency_hz, data.temperature_c, data.modulus_magnitude, data.storage_modulus, data.loss_modulus]
-    columns += [data.time_s, np.asarray(data.sample or ("",) * len(data))]
-    rows = list(zip(*(one.tolist() for one in columns if one is not None), strict=True))
-    kept = np.array(sorted({row: place for place, row in reversed(list(enumerate(rows)))}.values()))
-    if len(kept) == len(rows):
-        return data, ()
-    count = len(rows) - len(kept)
-    copies = f"{count} rows repeat others in every column and are" if count > 1 else "One row repeats another and is"
-    return data.select(kept), (f"{copies} left out: a reading that is written twice is one.",)
 
 
 def usable_sweeps(data: DmaData, model: ZenerModel) -> tuple[Sweep, ...]:
@@ -243,7 +239,7 @@ def _times(data: DmaData) -> Float[np.ndarray, " row"]:
     return np.asarray(data.time_s, dtype=float)
 
 
-def _conditions(sweeps: Sequence[Sweep]) -> DmaConditions:
+def _conditions(sweeps: Sequence[Sweep], exposure: Float[np.ndarray, " row"]) -> DmaConditions:
     data = [sweep.data for sweep in sweeps]
     sizes = [len(one) for one in data]
     begun: dict[str, float] = {}
@@ -262,7 +258,7 @@ def _conditions(sweeps: Sequence[Sweep]) -> DmaConditions:
         temperature=jnp.asarray(np.concatenate([one.temperature_c for one in data])),
         time=jnp.asarray(time),
         time_in_sweep=jnp.asarray(passed),
-        exposure=jnp.asarray(np.concatenate(_exposure(sweeps))),
+        exposure=jnp.asarray(exposure),
         level=jnp.asarray(np.repeat([np.exp(np.mean(np.log(m))) for m in magnitude], sizes)),
         softest=jnp.asarray(min(m.min() for m in magnitude)),
         stiffest=jnp.asarray(max(m.max() for m in magnitude)),
@@ -297,8 +293,8 @@ def _visits(
     return visit, before
 
 
-def _exposure(sweeps: Sequence[Sweep]) -> list[Float[np.ndarray, " row"]]:
-    """Integral over time of the pressure of saturated vapour, from 0 to 1 over each sample's measurement."""
+def _drying(sweeps: Sequence[Sweep]) -> list[Float[np.ndarray, " row"]]:
+    """Pressure of saturated vapour, integrated over time from the first reading of each sample [Pa s]."""
     found = [np.zeros(len(sweep.data)) for sweep in sweeps]
     for sample in dict.fromkeys(sweep.sample for sweep in sweeps):
         members = [index for index, sweep in enumerate(sweeps) if sweep.sample == sample]
@@ -308,7 +304,6 @@ def _exposure(sweeps: Sequence[Sweep]) -> list[Float[np.ndarray, " row"]]:
         steps = np.diff(time[order]) * 0.5 * (pressure[order][1:] + pressure[order][:-1])
         lost = np.empty(len(time))
         lost[order] = np.concatenate([[0.0], np.cumsum(steps)])
-        lost = lost / max(float(lost.max()), 1e-300)
         ends = np.cumsum([len(sweeps[i].data) for i in members])
         for index, part in zip(members, np.split(lost, ends[:-1]), strict=True):
             found[index] = part

@@ -1,5 +1,7 @@
 """Reading DMA files: headers and units that are understood, and files that are refused in one clear line."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -210,6 +212,20 @@ def test_sweeps_are_split_at_a_kelvin_and_sorted():
     assert [(sweep.sample, len(sweep.data)) for sweep in sweeps] == [("a", 4), ("a", 2), ("b", 1)]
     np.testing.assert_array_equal(sweeps[0].data.frequency_hz, [1.0, 2.0, 3.0, 4.0])
     assert sweeps[1].temperature_c == pytest.approx(50.45)
+
+
+def test_sweeps_that_no_gap_divides_are_refused():
+    frequency, temperature = np.tile([1.0, 2.0, 4.0], 8), np.repeat(20.0 + np.arange(8.0), 3)
+    data = DmaData(frequency, temperature, np.full(24, 1e3))
+    with pytest.raises(InputError, match=r"^sweeps from 20 to 27 degC cannot be told apart.*'sample'"):
+        group_sweeps(data)
+    named = dataclasses.replace(data, sample=("a",) * 24)
+    with pytest.raises(InputError, match=r"^sample a: sweeps from 20"):
+        group_sweeps(named)
+    assert len(group_sweeps(dataclasses.replace(data, sample=tuple(str(t) for t in temperature)))) == 8
+    # A single sweep may warm up, and repeats scatter.
+    assert len(group_sweeps(DmaData(np.geomspace(1.0, 9.0, 8), 20.0 + np.arange(8.0), np.full(8, 1e3)))) == 1
+    assert len(group_sweeps(DmaData(np.ones(3), np.array([37.0, 37.9, 38.8]), np.full(3, 1e3)))) == 1
 
 
 def test_frequencies_within_a_thousandth_are_the_same():

@@ -8,7 +8,7 @@ import pytest
 
 from arfjax import InputError
 from inverse.commands.main import run
-from inverse.datasets.dma import read_dma
+from inverse.datasets.dma import dma_data, read_dma
 from inverse.design import design_dma, dma_design, report
 from inverse.design.design import Design, alive, reasons
 from inverse.design.dma_information import dma_information
@@ -18,12 +18,16 @@ from inverse.design.separation import separation
 from inverse.diagnosis import DMA_CAUSES, diagnose_dma
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.dma.problem import dma_problem
+from inverse.diagnosis.noise import noise_family, series
+from inverse.diagnosis.screening import Alternative, Screen
 from inverse.dma_fit import FRACTIONAL
 from tests.blind import dma_generator as blind
 from tests.inverse.diagnosis_keys import require_design_keys
 
 LIKE = ("sweep-drift", "bath-viscosity")
-NOTHING = Design("adequate", {}, separation((), np.zeros((2, 0)), np.zeros(0), np.zeros((2, 0)), 1.0), (), (), (), 0)
+NOTHING = Design(
+    "adequate", {}, separation((), np.zeros((2, 0)), np.zeros(0), np.zeros((2, 0)), 1.0, ()), (), (), (), 0
+)
 STEADY = ("noise-floor", "strain-nonlinearity")
 
 
@@ -45,7 +49,7 @@ def test_probability_of_the_right_one_is_that_of_simulated_statistics():
     directions = rng.standard_normal((40, 2))
     directions[:, 1] += 1.5 * directions[:, 0]
     strengths, size = np.array([0.35, 0.2]), 0.5
-    told = separation(("a", "b"), directions, strengths, fitted, size)
+    told = separation(("a", "b"), directions, strengths, fitted, size, (0, 0))
     basis = np.linalg.qr(fitted)[0]
     left = directions - basis @ (basis.T @ directions)
     units = left / np.linalg.norm(left, axis=0)
@@ -63,6 +67,58 @@ def test_probability_of_the_right_one_is_that_of_simulated_statistics():
     along = units[:, 0] @ lines[:, 1]
     across = np.linalg.norm(lines[:, 1] - along * units[:, 0])
     np.testing.assert_allclose(told.angle, np.degrees(np.arctan2(across, abs(along))), rtol=1e-9)
+
+
+@pytest.mark.parametrize("signs", [(1, 1), (0, 1), (1, 0), (0, 0)])
+def test_a_cause_of_one_sign_is_no_answer_to_data_that_go_the_opposite_way(signs):
+    """By the statistics of the diagnosis itself, on two directions of which one is nearly the other's reverse."""
+    rng = np.random.default_rng(4)
+    fitted, directions = rng.standard_normal((60, 2)), rng.standard_normal((60, 2))
+    directions[:, 1] -= 2.5 * directions[:, 0]
+    strengths, count = np.array([0.5, 0.2]), 4000
+    told = separation(("a", "b"), directions, strengths, fitted, 1.0, signs)
+    assert told.cosine[0, 1] < -0.9
+    assert (told.angle > 90.0) is (signs == (1, 1))
+    alternatives = [Alternative(name, directions[:, [k]], signs[k]) for k, name in enumerate("ab")]
+    rows = np.arange(60.0)
+    screen = Screen(fitted, alternatives, noise_family([series("row", [0] * 60, rows)], rows)[:1])
+    for true, other in ((0, 1), (1, 0)):
+        data = strengths[true] * directions[:, [true]] + rng.standard_normal((60, count))
+        statistic = np.abs(screen.statistics(data).statistic)
+        share = np.mean(statistic[true] > statistic[other])
+        assert share == pytest.approx(told.right[true, other], abs=4.0 * np.sqrt(0.25 / count))
+
+
+@pytest.mark.parametrize(("step", "between"), [(2.0, ()), (2.5, (21.25, 23.75)), (5.0, (22.5, 27.5))])
+def test_sweeps_between_others_are_none_of_them(step, between):
+    frequency = np.geomspace(0.1, 100.0, 8)
+    temperature = np.repeat(20.0 + step * np.arange(3.0), 8)
+    data = dma_data(np.tile(frequency, 3), temperature, np.full(24, 1e3))
+    proposals = {one.name: one for one in dma_proposals(data)}
+    assert tuple(np.unique(proposals["between"].temperature)) == between if between else "between" not in proposals
+
+
+def test_what_is_written_twice_is_rated_once(file, found):
+    data = read_dma(file)
+    twice = data.select(np.tile(np.arange(len(data)), 2))
+    one, other = (design_dma(each, found=found, causes=LIKE, check=False, locate=False) for each in (data, twice))
+    np.testing.assert_allclose(other.now.d_prime, one.now.d_prime, rtol=1e-9)
+    assert any("written twice" in note for note in other.notes)
+
+
+def test_a_strength_of_drying_means_the_same_after_a_longer_measurement(file):
+    """Twice as long, a sample loses twice as much water, and the strength is that of what it had lost at first."""
+    data = read_dma(file)
+    problem = dma_problem(data, FRACTIONAL)
+    again = next(one for one in dma_proposals(data) if one.name == "again")
+    further = dma_problem(dma_design._with(data, problem, again), FRACTIONAL, whole_drying=problem.whole_drying)
+    assert float(np.max(problem.conditions.exposure)) == 1.0
+    assert float(np.max(further.conditions.exposure)) == pytest.approx(2.0, rel=0.05)
+    first = np.asarray(further.conditions.time) <= np.max(problem.conditions.time)
+    ours, theirs = (
+        np.sort(np.asarray(one)) for one in (further.conditions.exposure[first], problem.conditions.exposure)
+    )
+    np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-15)
 
 
 def test_proposals_come_after_what_was_measured_and_are_what_they_say(file):
@@ -206,7 +262,7 @@ def test_magnitude_and_phase_are_rated_and_simulated_with_noise_of_their_own(fil
     for place, one in enumerate(problem.directions(extensions)):
         left = one.directions / over - basis @ (basis.T @ (one.directions / over))
         assert told.d_prime[place] == pytest.approx((0.05, 0.3)[place] * np.linalg.norm(left))
-    read = dma_design._simulated(data, FRACTIONAL, extensions[0], 0.0, size, 5)
+    read = dma_design._simulated(data, dataclasses.replace(problem, seed=5), extensions[0], 0.0, size)
     noise = dma_problem(read, FRACTIONAL).measured - (problem.measured - problem.residuals().reshape(-1, 2))
     # Of 70 numbers each, known to 8 %: four of these.
     assert np.std(noise, axis=0) == pytest.approx(size, rel=0.34)

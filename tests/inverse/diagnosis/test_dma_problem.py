@@ -6,7 +6,7 @@ import inspect
 import numpy as np
 import pytest
 
-from inverse.datasets.dma import dma_data, read_dma
+from inverse.datasets.dma import dma_data, read_dma, without_copies
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.cause import Extension, every_shape
 from inverse.diagnosis.dma import examination as dma_examination
@@ -15,7 +15,7 @@ from inverse.diagnosis.dma.account import DmaAccount
 from inverse.diagnosis.dma.diagnosis import repeats_of
 from inverse.diagnosis.dma.extended_fit import fit_extended
 from inverse.diagnosis.dma.gain import held_out_gain
-from inverse.diagnosis.dma.problem import dma_problem, without_copies
+from inverse.diagnosis.dma.problem import dma_problem
 from inverse.diagnosis.noise import noise_family
 from inverse.diagnosis.where import Absorbed
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
@@ -243,6 +243,17 @@ def test_a_correction_is_told_by_its_place_sign_size_and_onset(coordinate, size,
     assert DmaAccount(problem, problem.constants).describe(place) == f"somewhere: {words}"
 
 
+def test_of_two_samples_that_which_is_measured_longer_dries_more():
+    """As vapour takes it away: at one temperature in proportion to the time."""
+    frequency = np.tile(FREQUENCY, 2)
+    time = np.concatenate([600.0 * np.linspace(0.0, 1.0, 6), 36_000.0 * np.linspace(0.0, 1.0, 6)])
+    modulus = np.stack([1e3 * frequency**0.2, 1e2 * frequency**0.1], axis=-1)
+    data = dma_data(frequency, np.full(12, 37.0), modulus)
+    data = dataclasses.replace(data, time_s=time, sample=("short",) * 6 + ("long",) * 6)
+    exposure = np.asarray(dma_problem(data, FRACTIONAL, n_starts=2).conditions.exposure)
+    np.testing.assert_allclose(exposure, time / 36_000.0, rtol=1e-12)
+
+
 def test_a_row_that_is_written_twice_is_one_reading():
     sweep = np.geomspace(0.1, 100.0, 8)
     rows = np.array([*range(8), 2, 3, *range(8)])
@@ -250,12 +261,13 @@ def test_a_row_that_is_written_twice_is_one_reading():
     data = dma_data(sweep[rows], np.full(len(rows), 20.0), modulus[rows])
     kept, (said,) = without_copies(data)
     np.testing.assert_array_equal(kept.frequency_hz, sweep)
-    assert said.startswith("10 rows repeat others in every column and are left out")
+    assert said.startswith("10 rows repeat others in every column that is used and are left out")
     # Another time, sample or modulus, however little, is another reading.
     for other in (
         dataclasses.replace(data, time_s=np.arange(18.0)),
         dataclasses.replace(data, sample=tuple("abcdefghijklmnopqr")),
         dataclasses.replace(data, loss_modulus=data.loss_modulus * (1.0 + 1e-9 * np.arange(18.0))),
+        dataclasses.replace(data, storage_modulus_sd=np.arange(1.0, 19.0), loss_modulus_sd=np.ones(18)),
     ):
         assert without_copies(other) == (other, ())
     problem = dma_problem(data, FRACTIONAL, n_starts=2)

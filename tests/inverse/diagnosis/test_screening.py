@@ -229,7 +229,9 @@ def test_visibility():
 
 
 def test_what_the_fit_imitates_is_left_out():
-    screen = Screen(FITTED, [Alternative("imitated", FITTED[:, :2]), Alternative("one", CAUSE)], WHITE)
+    alone = FITTED @ np.arange(1.0, 1.0 + FITTED.shape[1])[:, None]
+    imitated = [Alternative("several", FITTED[:, :2]), Alternative("alone", alone), Alternative("none", 0.0 * CAUSE)]
+    screen = Screen(FITTED, [*imitated, Alternative("one", CAUSE)], WHITE)
     assert [a.name for a in screen.alternatives] == ["one"]
 
 

@@ -59,7 +59,7 @@ def test_the_two_that_no_curve_here_shows_do_what_they_say():
     """One needs 99 degC, the other changes all displacements alike."""
     boiling = force("boiling", [70.0, 99.0, 110.0], 0.5)
     np.testing.assert_allclose(boiling, [1.0, 0.75, 0.5], atol=1e-5)
-    np.testing.assert_allclose(force("scattering-fraction", [37.0, 84.0], 0.3), 0.7, rtol=1e-12)
+    np.testing.assert_allclose(force("scattering-fraction", [37.0, 84.0], 0.3), 1.0 / 0.7, rtol=1e-12)
 
 
 ENDS = [(cause, end) for cause in HMI_CAUSES for end in cause.possible if math.isfinite(end)]
