@@ -23,6 +23,7 @@ from arfjax.acoustics.field import HarmonicField
 from arfjax.acoustics.intensity import heat_deposition
 from arfjax.acoustics.layers import AcousticLayer
 from arfjax.acoustics.sources.radiating_bowl import as_source
+from arfjax.errors import InputError, lies_within
 from arfjax.laws import extrapolations
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.modulation import Modulation
@@ -153,11 +154,23 @@ def _heat_in(model: Model, layers: Sequence[AcousticLayer], known: _Known) -> Fl
 def heating_by(
     model: Model, heat: Float[Array, "r z"], protocol: StepwiseProtocol, settings: Discretisation
 ) -> Heating:
-    """The sonication by a given heat deposition [W/m^3] of the model's power, scaled to reach the final temperature."""
+    """The sonication by a given heat deposition [W/m^3] of the model's power, scaled to reach the final temperature.
+
+    The rise is scaled with the power: NaN where tissue makes heat itself and that is traced.
+
+    Raises:
+        InputError: if there is metabolic heat.
+    """
     grid = settings.heat_grid
     start = protocol.start_temperature
+    field = settings.thermal_field(model, start)
+    if not lies_within(field.metabolic_heat, 0.0, 0.0):
+        raise InputError(
+            "tissue with metabolic heat warms up without sound, and a rise that is scaled with the power does not; "
+            "simulate the sonication at its power (`run_transient`), or leave that heat out."
+        )
     history = solve_bioheat(
-        settings.thermal_field(model, start),
+        field,
         heat,
         grid,
         initial_temperature=start,
@@ -166,6 +179,7 @@ def heating_by(
     )
     focal = focal_temperature(history, grid, settings.focus)
     scale = (protocol.final_temperature - start) / (focal[-1] - start)
+    scale = jnp.where(jnp.all(jnp.asarray(field.metabolic_heat) == 0.0), scale, jnp.nan)
     temperature = start + scale * (history.temperature - start)
     dose = cumulative_equivalent_minutes(temperature, history.time)
     power = scale * model.drive.acoustic_power

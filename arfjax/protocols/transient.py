@@ -33,6 +33,9 @@ from arfjax.protocols.sonication import (
 from arfjax.thermal.bioheat import TemperatureHistory
 from arfjax.thermal.feedback import Exposure, movement
 
+_ROUNDING = 1e-6
+"""Rounding of a temperature [K]."""
+
 
 class TransientProtocol(eqx.Module):
     """What is done to the tissue, and how it is watched.
@@ -101,7 +104,10 @@ class TransientResult(eqx.Module):
     sonication: SonicationResult
 
     def normalised(self, reference: Scalar) -> Float[Array, " time"]:
-        """Tracked displacement over that when the thermocouple first shows `reference` [degC]; NaN if it never does."""
+        """Tracked displacement over that when the thermocouple first shows `reference` [degC].
+
+        NaN if it never does, or shows more from the beginning.
+        """
         return self.tracked / value_when(self.thermocouple_temperature, self.tracked, reference)
 
 
@@ -187,14 +193,14 @@ def solid_of(model: Model, settings: Discretisation, state: TissueState, mesh: M
 
 
 def value_when(course: Float[Array, " time"], values: Float[Array, " time"], level: Scalar) -> Float[Array, ""]:
-    """Value when a course first reaches a level, linear between times; NaN if it never does."""
+    """Value when a course first reaches a level, linear between times; NaN if it never does, or begins above it."""
     reached = course >= level
     after = jnp.argmax(reached)
     before = jnp.maximum(after - 1, 0)
     rise = course[after] - course[before]
     weight = jnp.where(after > 0, (level - course[before]) / jnp.where(after > 0, rise, 1.0), 0.0)
     value = values[before] + weight * (values[after] - values[before])
-    return jnp.where(jnp.any(reached), value, jnp.nan)
+    return jnp.where(jnp.any(reached) & (level > course[0] - _ROUNDING), value, jnp.nan)
 
 
 def _probed(

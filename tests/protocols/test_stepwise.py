@@ -26,6 +26,7 @@ from arfjax.acoustics.intensity import heat_deposition
 from arfjax.protocols import stepwise
 from arfjax.protocols.shear_wave import WatchSettings
 from arfjax.protocols.shear_wave import _steps as steps_of_watch
+from arfjax.protocols.stepwise import heating_by
 
 EXPERIMENT = Path(__file__).parents[2] / "examples" / "suomi2016.toml"
 
@@ -296,6 +297,16 @@ def test_default_discretisation_is_within_its_stated_accuracy(model, protocol):
         run = eqx.filter_jit(lambda model, settings=settings: run_stepwise(model, temperatures, protocol, settings))
         curves.append(np.asarray(run(model).displacement))
     np.testing.assert_allclose(curves[0], curves[1], rtol=arfjax.DISPLACEMENT_ACCURACY)
+
+
+def test_heat_that_no_power_makes_cannot_be_scaled_with_the_power(model, protocol, coarse):
+    warm = eqx.tree_at(lambda tree: tree.liver.metabolic_heat.value, model, 1.2e4)
+    heat = jnp.ones(coarse.heat_grid.shape)
+    with pytest.raises(arfjax.InputError, match="metabolic heat warms up without sound"):
+        heating_by(warm, heat, protocol, coarse)
+    traced = jax.jit(lambda numbers: heating_by(numbers, heat, protocol, coarse).focal_temperature)
+    assert np.all(np.isnan(traced(jax.tree.map(jnp.asarray, warm))[1:]))
+    assert np.all(np.isfinite(traced(jax.tree.map(jnp.asarray, model))))
 
 
 def test_a_heating_refuses_sound_that_is_none_before_it_compiles_any(model, protocol, coarse):

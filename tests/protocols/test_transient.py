@@ -175,7 +175,9 @@ def test_the_thermocouple_is_read_as_an_instrument(heated):
 def test_value_when_a_course_reaches_a_level():
     course, values = jnp.asarray([20.0, 30.0, 50.0, 40.0]), jnp.asarray([1.0, 2.0, 4.0, 9.0])
     assert [float(value_when(course, values, level)) for level in (20.0, 25.0, 40.0, 50.0)] == [1.0, 1.5, 3.0, 4.0]
-    assert np.isnan(float(value_when(course, values, 51.0)))
+    assert np.isnan(float(value_when(course, values, 51.0))) and np.isnan(float(value_when(course, values, 19.0)))
+    # A start that is the level but for rounding is at the level.
+    assert float(value_when(course, values, 20.0 - 1e-12)) == 1.0
     assert float(jax.grad(lambda level: value_when(course, values, level))(40.0)) == pytest.approx(0.1)
 
 
