@@ -35,6 +35,7 @@ _SIGNIFICANT = 3.84  # rise of chi-square that bounds 95 % of one constant
 _LOWER_MINIMUM = 0.02  # fall of chi-square below the fit's that is a lower minimum and not rounding
 _HOLD = 1e3  # of the row that holds the ratio
 _MAX_STEPS = 60
+_COOLING_ROWS = 2  # after the heat is switched off, without which nobody saw that it was
 
 
 @dataclasses.dataclass(frozen=True)
@@ -183,6 +184,7 @@ def fit_heating(
         ends=[p.transform.end(float(u)) for p, u in zip(parameters, best, strict=True)],
         in_standard_deviations=data.sd is not None,
     )
+    uncertainty = _of_switch_off(uncertainty, values, time)
     variance = 1.0 if data.sd is not None else uncertainty.residual_variance
     ratio_range, ratio_doubt = _ratio_range(problem, best, variance, on_step)
     return HeatingFit(
@@ -342,6 +344,21 @@ def _crossing(logs: np.ndarray, depth: np.ndarray, bound: float) -> float | None
     i = int(beyond[0])
     share = (bound - depth[i - 1]) / (depth[i] - depth[i - 1])
     return float(np.exp(logs[i - 1] + share * (logs[i] - logs[i - 1])))
+
+
+def _of_switch_off(uncertainty: Uncertainty, values: np.ndarray, time: np.ndarray) -> Uncertainty:
+    """What a course cannot fix that ends while it is heated, or a row later."""
+    _, _, _, start, duration = values
+    after = int(np.sum(time > start + duration))
+    if after >= _COOLING_ROWS:
+        return uncertainty
+    rows = "no row lies" if after == 0 else "a single row lies"
+    unseen = {
+        "duration": f"duration is a lower bound: {rows} after {start + duration:.4g} s, where the fit ends the heat, "
+        "so that it may have gone on.",
+        "amplitude": "amplitude is the rise when the heat is switched off, and a lower bound with it.",
+    }
+    return dataclasses.replace(uncertainty, not_identified={**uncertainty.not_identified, **unseen})
 
 
 @eqx.filter_jit

@@ -46,7 +46,9 @@ def _draw_course(axes: Axes, fit: HeatingFit) -> None:
     _, top = axes.get_ylim()
     start, duration = float(fit.heating.start), float(fit.heating.duration)
     error = float(fit.uncertainty.standard_errors[4])
-    axes.text(start + 0.5 * duration, top, f"on for {duration:.1f} ± {error:.1f} s", ha="center", va="bottom", size=9)
+    fixed = "duration" not in fit.uncertainty.not_identified
+    on = f"on for {duration:.1f} ± {error:.1f} s" if fixed else f"on for {duration:.1f} s or longer"
+    axes.text(start + 0.5 * duration, top, on, ha="center", va="bottom", size=9)
     axes.legend(frameon=False, fontsize="small", loc="upper right")
     tidy(axes, x="", y="temperature [°C]")
 

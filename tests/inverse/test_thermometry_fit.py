@@ -14,6 +14,7 @@ from arfjax.media import ThermalMedium
 from inverse import thermometry_fit
 from inverse.datasets.shipped import shipped
 from inverse.datasets.thermometry import ThermometryData, read_thermometry
+from inverse.figures.heating import heating_figure
 from inverse.thermometry_fit import fit_heating
 from inverse.thermometry_model import CONSTANTS, COURSE_ACCURACY, GaussianHeating, temperature_rise
 from tests.checks import assert_gradient
@@ -153,6 +154,23 @@ def test_refits_that_did_not_converge_put_the_range_in_doubt(monkeypatch):
     assert "fits of the other constants did not converge" in fit.ratio_doubt and fit.ratio_doubt in fit.warnings
     # From a start that is no minimum, ratios that are held nearer to the truth fit better.
     assert "a ratio that was held fits better than the fit" in fit.ratio_doubt
+
+
+def test_a_course_that_ends_while_it_is_heated_does_not_say_for_how_long(monkeypatch):
+    """The fit switches the heat off somewhere before the last row, which nobody saw."""
+    monkeypatch.setattr(thermometry_fit, "_MAX_STEPS", 1)
+    whole = twin(1, False)
+    heated = whole.time < TRUTH.start + TRUTH.duration - 5.0
+    cut = ThermometryData(
+        whole.path, whole.time[heated], whole.temperature[heated], None, None, None, whole.occluded[heated]
+    )
+    found = fit_heating(cut, n_starts=1)
+    assert {"amplitude", "duration"} <= set(found.uncertainty.not_identified)
+    assert any(warning.startswith("duration is a lower bound") for warning in found.warnings)
+    assert "or longer" in " ".join(text.get_text() for text in heating_figure(found).axes[0].texts)
+    seen = fit_heating(whole, n_starts=1)
+    assert "lower bound" not in " ".join(seen.warnings)
+    assert "or longer" not in " ".join(text.get_text() for text in heating_figure(seen).axes[0].texts)
 
 
 def test_data_that_cannot_be_fitted():
