@@ -10,7 +10,18 @@ import xarray as xr
 from arfjax.acoustics.intensity import force_density_of_intensity, heat_deposition, radiation_force_density
 from arfjax.experiment import read_experiment
 from arfjax.figures import draw_field, draw_sound
-from arfjax.io import COORDINATES, MAPPED_HARMONICS, VARIABLES, field_dataset, full_field_dataset, write_netcdf
+from arfjax.io import (
+    COORDINATES,
+    MAPPED_HARMONICS,
+    VARIABLES,
+    field_dataset,
+    full_field_dataset,
+    push_dataset,
+    write_netcdf,
+)
+from arfjax.mechanics.transient.shear_waves import strain_on_grid
+from arfjax.protocols.shear_wave import WatchedPush
+from arfjax.thermal.lesion import LesionSize
 from tests.acoustics.test_waveform import field_of
 from tests.test_experiment import EXAMPLE
 
@@ -28,6 +39,26 @@ def beam(n):
         z=Z,
         attenuation=jnp.broadcast_to(4.0 * order[:, None, None] ** 1.1, pressure.shape),
         layer_power=jnp.asarray([[50.0, 48.0], [47.0, 30.0]]),
+    )
+
+
+def watched():
+    """A push in which every strain is another: rr = 2 a r, tt = a r, zz = b and rz = c, each growing with time."""
+    time, r, z = 1e-3 * np.arange(5.0), 1e-3 * np.arange(4.0), FOCUS + 1e-3 * np.arange(-2.0, 3.0)
+    a, b, c = 0.5, -3e-3, 7e-3
+    motion = np.stack(np.broadcast_arrays(a * r[:, None] ** 2, b * (z - FOCUS) + c * r[:, None]), axis=-1)
+    displacement = jnp.asarray(time[:, None, None, None] / time[-1] * motion)
+    return WatchedPush(
+        time=jnp.asarray(time),
+        r=r,
+        z=z,
+        displacement=displacement[..., 1],
+        strain=strain_on_grid(r, z, displacement),
+        focal_time=jnp.linspace(0.0, 4e-3, 9),
+        focal_displacement=1e-6 * jnp.sqrt(jnp.arange(9.0)),
+        arrival=jnp.asarray([np.nan, 1e-3, 2e-3, 3e-3]),
+        speed=jnp.asarray(1.0),
+        lesion=LesionSize(*(jnp.asarray(size) for size in (4e-3, 2e-3, 8e-9, FOCUS))),
     )
 
 
@@ -81,6 +112,21 @@ def test_what_the_attributes_state(nonlinear):
 def test_linear_fields_keep_their_data_set(nonlinear):
     names = {"pressure_amplitude", "pressure_amplitude_on_axis", "pressure_amplitude_focal_plane", "intensity"}
     assert set(field_dataset(beam(1), FOCUS).data_vars) == names | {"heat_deposition", "radiation_force_density"}
+
+
+def test_linear_sound_goes_as_far_below_zero_as_above():
+    data = full_field_dataset(beam(1), FOCUS, tolerance=1e-3)
+    np.testing.assert_array_equal(data["peak_positive_pressure"], data["pressure_amplitude"][0])
+    np.testing.assert_array_equal(data["peak_negative_pressure"], -data["pressure_amplitude"][0])
+    assert data.attrs["peak_negative_pressure_pa"] == -data.attrs["peak_positive_pressure_pa"] < 0.0
+
+
+def test_strains_of_a_push_have_their_own_names():
+    data = push_dataset(watched(), 40.0).isel(push_time=-1)
+    r = data["r"].to_numpy()[:, None]
+    for name, exact in (("radial", r), ("hoop", 0.5 * r), ("axial", -3e-3), ("shear", 7e-3)):
+        np.testing.assert_allclose(data[f"{name}_strain"], np.broadcast_to(exact, (4, 5)), rtol=1e-9, atol=1e-15)
+    assert (data.attrs["lesion_length_m"], data.attrs["lesion_diameter_m"]) == (4e-3, 2e-3)
 
 
 def test_files_hold_what_was_written(nonlinear, tmp_path):

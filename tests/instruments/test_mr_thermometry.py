@@ -179,6 +179,9 @@ def test_impossible_settings(settings, cause):
     ("voxel", "settings", "cause"),
     [
         (MagneticResonanceThermometer(1.0, 1.0, 1.0), {}, "the voxel reaches from"),
+        (MagneticResonanceThermometer(1.0, 1e-3, 1e-3), {}, "the voxel reaches from"),
+        (MagneticResonanceThermometer(1e-3, 1.0, 1e-3), {}, "the voxel reaches from"),
+        (MagneticResonanceThermometer(1e-3, 1e-3, 1.0), {}, "the voxel reaches from"),
         (MagneticResonanceThermometer(1e-3, 1e-3, 1e-3), {"z": 61.0}, "Millimetres?"),
         (MagneticResonanceThermometer(1e-3, 1e-3, 1e-3), {"frame_times": np.asarray([1.0, 3.0])}, "from 1 to 3 s"),
         (MagneticResonanceThermometer(1e-3, 1e-3, 1e-3, acquisition_time=3.0), {}, "from -0.5 to 2.5 s"),

@@ -19,6 +19,12 @@ def test_polynomials_of_the_stencil_s_degree_are_exact(count):
     np.testing.assert_allclose(got, np.polyval(np.arange(1.0, degree + 2.0), points), rtol=1e-11)
 
 
+def test_half_way_between_even_nodes_the_two_nearest_on_each_side_count():
+    between = interpolation_weights(jnp.asarray([2.5, 3.5]), np.arange(7.0))
+    nearest = np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0
+    np.testing.assert_allclose(between, [[0.0, *nearest, 0.0, 0.0], [0.0, 0.0, *nearest, 0.0]], atol=1e-15)
+
+
 def test_order():
     points, errors, counts = jnp.linspace(0.0, 1.0, 401), [], (20, 40, 80, 160)
     for n in counts:

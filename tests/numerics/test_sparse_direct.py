@@ -1,5 +1,6 @@
 """Sparse direct solves against dense linear algebra, their derivatives, and the life of the factors."""
 
+import contextlib
 import importlib.util
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -167,6 +168,15 @@ def test_singular_and_asymmetric_matrices_are_reported():
     assert np.all(np.isfinite(compiled(rigid, right_side(), PATTERN)))
     with pytest.raises(Exception, match="not symmetric"):
         jax.block_until_ready(compiled(element_matrices().at[0, 1, 2].add(1.0), right_side(), PATTERN))
+
+
+@pytest.mark.parametrize(("rounding", "seen"), [(2.2e-16, True), (1.2e-7, False)])
+def test_an_asymmetry_beyond_the_program_s_rounding_is_reported(rounding, seen):
+    """A millionth of the largest entry: much in double precision, rounding in single."""
+    matrices = element_matrices()
+    values = np.asarray(PATTERN.assemble(matrices.at[0, 1, 2].add(1e-6 * jnp.max(jnp.abs(matrices)))))
+    with pytest.raises(ValueError, match="not symmetric") if seen else contextlib.nullcontext():
+        host_factors.factor_number(PATTERN, "superlu", values, rounding=rounding)
 
 
 def test_values_that_are_not_finite_give_nan():

@@ -44,6 +44,15 @@ def test_by_the_logarithm_half_of_the_pushes_are_of_small_lesions(states):
     assert small[True] >= 5 and small[False] <= 3
 
 
+def test_a_box_is_a_twentieth_wider_at_both_ends_than_what_was_seen(states):
+    """Of a lesion, where there is one: the last state has none."""
+    states.values[:, 4] = np.linspace(3.0, 7.0, len(states.values))
+    box = _box(states, OF_SOUND)
+    for feature, low, high in ((4, 3.0, 7.0), (LENGTH, 1e-4, 2e-2), (DIAMETER, 4e-5, 8e-3)):
+        np.testing.assert_allclose(box.half[feature], 0.55 * (high - low), rtol=1e-12)
+        np.testing.assert_allclose(box.middle[feature], 0.5 * (low + high), rtol=1e-12)
+
+
 @pytest.mark.parametrize(("feature", "change", "covered"), [(0, 0.16, True), (0, 0.17, False), (1, 1e-3, False)])
 def test_a_box_ends_where_the_table_of_sound_does(states, feature, change, covered):
     """Also where all draws have one sound speed, so that the table has a single term: a neighbour is not like them."""

@@ -227,6 +227,13 @@ def test_waves_too_short_to_resolve_are_refused():
         resolving(soft, 40.0, SETTINGS, frequency=1000.0, modulation=Square())
 
 
+def test_a_layer_too_wide_for_its_elements_is_refused():
+    """Even ones of 1 mm over 100 km; the liver alone is small enough."""
+    wide = AbsorbingLayer(thickness=1e5, growth=1.0)
+    with pytest.raises(InputError, match="lower the frequency"):
+        resolving(MODEL, 40.0, SETTINGS, frequency=50.0, modulation=SineIntensity(), layer=wide)
+
+
 @pytest.mark.parametrize("changes", [{"element": 0.0}, {"element": 2e-3}, {"coarsest": np.inf}, {"n_instants": 1}])
 def test_what_cannot_be_meant_is_refused(changes):
     with pytest.raises(InputError):

@@ -91,6 +91,7 @@ def test_heat_is_that_of_the_phase_and_no_step_crosses_the_switch():
     answer = CONSTANTS["heat"] * SHAPE
     np.testing.assert_allclose(got.heat[:3], np.broadcast_to(1.2 * answer, (3, *GRID.shape)), rtol=1e-12)
     assert np.all(got.heat[3:] == 0.0)
+    assert 0.2 * 0.4 < float(got.effort.error) <= 0.4
     # The first step may be as long as an output interval, is too long, and is tried again.
     assert int(got.effort.n_rejected) >= 1
 
@@ -125,6 +126,24 @@ def test_steady_heat_is_exact_at_every_output_time_whatever_the_steps():
     np.testing.assert_allclose(got.time[1:], np.cumsum(halves), rtol=1e-14)
     np.testing.assert_allclose(got.temperature, np.broadcast_to(expected[:, None, None], (11, 2, 1)), rtol=1e-13)
     np.testing.assert_allclose(got.heat[:, 0, 0], 8e6 * shares, rtol=1e-13)
+
+
+def test_the_error_told_is_the_largest_of_all_steps_and_cells():
+    """Heat in the inner of two cells leaks into the outer, three times as large; in the dark steps err less.
+
+    The difference of the two follows d' = 2 K/s - d / (3 s), and the inner cell has three quarters of its error: of
+    the first stage of the first step, h / 2 (k1 + k2).
+    """
+    inner = lambda temperature, _: jnp.asarray([[8e6], [0.0]])  # noqa: E731
+    lit, dark = Phase(4.0, 1), Phase(0.1, 1, 0.0)
+    alone, both = (in_a_box(inner, phases, error=1e3) for phases in ([lit], [lit, dark]))
+    assert int(both.effort.n_steps) == 2
+    np.testing.assert_allclose(both.effort.error, alone.effort.error, rtol=1e-12)
+    step, decay = 4.0, 4.0 / 3.0
+    matrix = 1.0 + (1.0 - np.sqrt(0.5)) * decay
+    first = 2.0 / matrix
+    second = (2.0 - decay * first - 2.0 * first) / matrix
+    np.testing.assert_allclose(alone.effort.error, 0.75 * 0.5 * step * abs(first + second), rtol=1e-10)
 
 
 @pytest.mark.slow

@@ -36,6 +36,7 @@ from tests.mechanics.explicit.cases import (
     reference_material,
     reference_run,
     run,
+    small_force,
     small_grid,
     uneven_material,
 )
@@ -68,6 +69,21 @@ def test_second_order_in_space_and_time():
     assert_order([4.0, 2.0, 1.0], errors, order=2.0)
     assert errors[-1] < 5e-3
     assert error_at_end("zener", extrapolated(results[-1]).displacement_at_points) < 3e-4
+
+
+def test_maps_are_extrapolated_as_the_axis_is():
+    """Map and history hold the same numbers where both are on the axis at the end, and so do their errors."""
+    settings = dataclasses.replace(SMALL, steps_per_checkpoint=2)
+    result = quick_jit(functools.partial(solve_push_explicitly, small_grid(), settings=settings))(
+        uneven_material(small_grid()), small_force(small_grid())
+    )
+    better = extrapolated(result)
+    for maps, on_axis in (
+        (result.convergence.maps, result.convergence.on_axis),
+        (better.maps, better.axial_displacement_on_axis),
+    ):
+        np.testing.assert_allclose(maps[:, 0, :, 1], on_axis[6::6], rtol=1e-12, atol=1e-20)
+    assert float(jnp.max(jnp.abs(result.convergence.maps))) > 1e-3 * float(jnp.max(jnp.abs(result.maps)))
 
 
 def standing_wave(n_z: int) -> float:

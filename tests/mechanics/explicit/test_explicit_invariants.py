@@ -14,6 +14,8 @@ from arfjax.mechanics.explicit.energy import EnergyBalance, energy_balance
 from arfjax.mechanics.explicit.grid import (
     DampingLayer,
     Layout,
+    coarsened,
+    coarsened_cells,
     node_positions,
 )
 from arfjax.mechanics.explicit.settings import ExplicitSettings
@@ -71,6 +73,31 @@ def test_a_free_body_moves_as_newton_says_at_every_step():
     expected = np.broadcast_to(exact[:, None], result.axial_displacement_on_axis.shape)
     np.testing.assert_allclose(result.axial_displacement_on_axis, expected, rtol=1e-9)
     np.testing.assert_allclose(result.velocity[..., 1], 30.0 * push, rtol=1e-9)
+
+
+def test_a_free_body_in_a_layer_slows_down_exponentially_to_second_order():
+    """A layer so wide that its rate is the same everywhere, against a push for the first half of the run."""
+    grid, material, rate, end = small_grid(), uneven_material(small_grid(), bulk_modulus=2e4), 4e3, 4.8e-4
+    solid, _, _ = assemble_push(grid, material, small_force(grid), settings=SMALL)
+    force = 30.0 * Layout(grid).nodes(solid.mass) / Layout(grid).sum_at_nodes(jnp.asarray(grid.volumes))
+    exact, errors = 30.0 / rate * (1.0 - np.exp(-0.5 * rate * end)) * np.exp(-0.5 * rate * end), []
+    for n_steps in (24, 48):
+        settings = ExplicitSettings(end / n_steps, n_steps, 0.5 * end)
+        result = run(material, force, settings=settings, walls=FREE, layer=DampingLayer(1e6, rate))
+        velocity = np.asarray(result.velocity[..., 1])
+        assert np.ptp(velocity) < 1e-6 * exact
+        errors.append(abs(velocity.mean() - exact))
+    assert errors[1] < 1e-3 * exact
+    assert_order([2.0, 1.0], errors, order=2.0)
+
+
+def test_coarser_cells_hold_as_much_as_the_fine_ones():
+    grid = small_grid()
+    fields = jnp.asarray(np.random.default_rng(2).uniform(1.0, 3.0, (2, *grid.shape)))
+    coarse = coarsened_cells(grid, fields)
+    held = jnp.sum(coarse * coarsened(grid).volumes[None], axis=(1, 2))
+    np.testing.assert_allclose(held, jnp.sum(fields * grid.volumes[None], axis=(1, 2)), rtol=1e-13)
+    np.testing.assert_allclose(coarsened_cells(grid, jnp.full(grid.shape, 7.0)), 7.0, rtol=1e-14)
 
 
 def test_a_free_body_takes_up_the_impulse():

@@ -142,6 +142,14 @@ def test_without_stretch_a_layer_is_more_tissue():
     np.testing.assert_allclose(ours, expected, rtol=0.0, atol=1e-9 * float(jnp.max(jnp.abs(expected))))
 
 
+def test_a_refined_layer_is_four_times_as_thick_with_twice_as_many_elements_to_every_size():
+    layer = AbsorbingLayer(thickness=0.1, strength=0.7, growth=1.5, top=False)
+    finer = layer.refined()
+    assert (finer.thickness, finer.strength, finer.top) == (pytest.approx(0.4), 0.7, False)
+    assert finer.growth**2 == pytest.approx(1.5) and AbsorbingLayer(growth=1.0).refined().growth == 1.0
+    assert finer.beyond(1e-3)[-1] == pytest.approx(4.0 * layer.beyond(1e-3)[-1])
+
+
 def test_walls_without_a_layer_keep_their_kind():
     walls = Walls(outer=Wall.SLIDING, bottom=Wall.FREE, top=Wall.SLIDING)
     mesh = Mesh(1e-3 * np.linspace(0.0, 4.0, 3), 1e-3 * np.linspace(-4.0, 4.0, 4), walls)

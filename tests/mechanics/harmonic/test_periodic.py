@@ -100,6 +100,16 @@ def test_the_motion_is_the_sum_of_its_harmonics():
     np.testing.assert_allclose(on_axis, result.peak_to_peak(2e-4), rtol=1e-10)
 
 
+def test_what_is_left_out_moves_as_the_last_harmonic_does_against_its_inertia():
+    """Motion per force falls with the square of the frequency: 2 |c_n| (3 / n)^2 of that of the third, all added up."""
+    result, order = motion(Square, 0.3, FREQUENCY, 3), np.arange(3, 100_000)
+    share = 2.0 * np.abs(np.sin(0.3 * np.pi * order)) / (np.pi * order)
+    per_force = np.abs(np.asarray(result.amplitudes)[2, ..., 1]) / share[0]
+    expected = 2.0 * np.sum(share[1:] * (3.0 / order[1:]) ** 2) * per_force
+    # Ours goes to the 24th, beyond which about (3.5 / 24.5)^2 of the sum is left.
+    np.testing.assert_allclose(result.left_out_map, expected, rtol=0.03)
+
+
 def test_empty_harmonics_are_not_solved():
     result = motion(Square, 0.5, FREQUENCY, 3)
     assert float(jnp.max(jnp.abs(result.amplitudes[1]))) == 0.0 and float(jnp.max(jnp.abs(result.amplitudes[2]))) > 0.0

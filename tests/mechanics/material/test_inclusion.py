@@ -138,6 +138,15 @@ def test_distance_from_a_sphere_is_exact_and_from_an_ellipsoid_of_first_order():
     np.testing.assert_allclose(lesion.distance(*outside), away, rtol=1e-2)
 
 
+@pytest.mark.parametrize(("axial", "radial"), [(2.5e-3, 0.6e-3), (0.6e-3, 2.5e-3)])
+def test_the_centre_is_as_deep_as_the_shorter_axis_and_all_lesion_under_the_widest_step(axial, radial):
+    lesion = Ellipsoid.of_semi_axes(axial, radial, centre=0.0)
+    away = 1e-9 * np.array([[0.0, 0.0], [radial < axial, axial < radial]])  # the centre, and a step along that axis
+    np.testing.assert_allclose(lesion.distance(*away.T), [-0.6e-3, -0.6e-3 + 1e-9], rtol=1e-12)
+    for width in (0.3e-3, 1.2e-3, 1.0):  # the last is narrowed to both sides of the centre
+        np.testing.assert_allclose(SharpEdge(width).share(lesion, *away.T), 1.0, rtol=1e-10)
+
+
 def exact_volume(axial: float, radial: float, edge: Edge) -> tuple[float, np.ndarray]:
     r"""Volume under the share, and its derivatives in the logarithms of both semi-axes.
 
