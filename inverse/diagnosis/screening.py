@@ -33,8 +33,7 @@ SIGNALS = (3.0, 6.0, 12.0)
 """Root of the sum of squares that a Gaussian process is expected to add, in standard deviations of the noise."""
 _VISIBLE = 1e-2
 """Part of a process's direction that the fitted parameters and its coarser directions must leave for it to count."""
-_ROUNDING = 1e-9
-"""Part of a direction of its own below which what the fitted parameters leave of it is rounding."""
+_ROUNDING = 1e-9  # part of a direction that is left by rounding alone
 LEAST_FREEDOM = 2
 """Data beyond what is fitted without which no strength and its error can be told."""
 _FLOOR, _HIGHEST_EXPONENT = 1e-300, 200.0
@@ -372,8 +371,7 @@ def visible_columns(columns: Float[np.ndarray, "n q"], basis: Float[np.ndarray, 
     """
     lengths = np.linalg.norm(columns, axis=0)
     if columns.shape[1] == 1:
-        left = project_out(columns, basis)
-        visible = np.linalg.norm(left) > _ROUNDING * lengths[0]
+        visible = np.linalg.norm(project_out(columns, basis)) > _ROUNDING * lengths[0]
         return columns / lengths[0] if visible else columns[:, :0]
     order = np.argsort(-lengths, kind="stable")
     order = order[lengths[order] > 0.0]

@@ -16,6 +16,7 @@ logarithm, for positive constants). A log-normal prior without a median is about
 `model.`, or with `noise.hmi.` and `noise.dma.`. Where the file names no parameters, those of `DEFAULTS` are free.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Literal
 
@@ -31,6 +32,11 @@ from inverse.inference.parameter_set import ParameterSet, parameter
 from inverse.inference.problem import Measurement, Problem, State
 from inverse.inference.sonications import Sonications, across_sonications
 from inverse.priors import ASSUMED, HalfNormal, LogNormal, LogUniform, Normal, Prior, Uniform
+
+_SCALED = re.compile(r"\b(?:[kMGTmuµnc](?:Pa|Hz|W|m|s|J|N)|dB|Np/cm)\b")
+"""Multiples of SI units, and what is no SI unit, that constants are often written in."""
+_FAR = 30.0
+"""Factor beyond the middle 95 percent of a prior at which its unit is taken for another one."""
 
 _Number = Annotated[float, Strict(), AllowInfNan(False)]
 _Celsius = Annotated[_Number, Field(ge=0.0, le=120.0)]
@@ -214,17 +220,35 @@ def _entry(section: ParameterSection, state: State) -> Any:
         raise InputError(
             f"`inference.parameters` {section.name}: a place begins with `model.` or `noise.`, got `{section.place}`."
         )
+    if scaled := _SCALED.search(section.unit):
+        raise InputError(
+            f"`inference.parameters` {section.name}: the unit {section.unit} is a multiple ({scaled.group()}), and the "
+            "model's numbers are in SI units: give unit and prior in those (Pa, m, s, Hz, Np/m)."
+        )
     standing = places.read(state, section.place)
     if standing.ndim:
         raise InputError(
             f"`inference.parameters` {section.name}: `{section.place}` holds {standing.size} numbers; "
             "add an index in brackets."
         )
+    about = 1.0 if section.relative else float(standing)
     try:
-        prior = section.prior.prior(1.0 if section.relative else float(standing))
+        prior = section.prior.prior(about)
     except InputError as error:
         raise InputError(f"`inference.parameters` {section.name}: {error}") from None
+    _require_near(section, prior, about)
     return parameter(section.name, section.place, section.unit, prior, label=section.label, relative=section.relative)
+
+
+def _require_near(section: ParameterSection, prior: Prior, standing: float) -> None:
+    """Refuse a prior of a positive constant that is orders of magnitude off what the model holds, as in other units."""
+    low, high = (float(prior.quantile(probability)) for probability in (0.025, 0.975))
+    if standing > 0.0 and high > 0.0 and not low / _FAR <= standing <= high * _FAR:
+        raise InputError(
+            f"`inference.parameters` {section.name}: the prior lies between {low:.3g} and {high:.3g}, and the model "
+            f"holds {standing:.3g} {section.unit} at `{section.place}`; give the prior in SI units, or the model a "
+            "value near it."
+        )
 
 
 def inference_problem(
