@@ -63,8 +63,8 @@ def test_linear_edge_is_the_papers_depth():
     ("edge", "part"),
     [
         (LinearEdge(), 0.25),
-        # 1 + 3 <x - 1>^2, where the step is the sum of sharp ones: a twentieth of the width squared, over a squared radius
-        # whose inverse is (2 / a^2 + 1 / c^2) / 3 in the mean over directions.
+        # 1 + 3 <(x - 1)^2>, a step being the sum of sharp ones: a twentieth of the width squared, times the inverse of
+        # the squared radius, (2 / a^2 + 1 / c^2) / 3 in the mean over directions.
         (SharpEdge(0.5e-3), 1.0 + 0.15 * 0.5**2 * (2.0 / 1.5**2 + 1.0 / 4.0**2) / 3.0),
         # Fermi's integral, of 1 / (1 + exp(8 (x - 1) / width)).
         (DamageEdge(0.25), 1.0 + np.pi**2 * (0.25 / 8.0) ** 2),
