@@ -85,6 +85,16 @@ def test_perfusion_stops_where_tissue_coagulates():
     assert jax.tree.all(jax.tree.map(lambda one, two: bool(np.all(one == two)), other, liver))
 
 
+def test_attenuation_doubles_over_the_doses_that_were_measured():
+    """A tenth of the way at 100 min, nine tenths at 1000, so half at their geometric mean; at any temperature."""
+    liver = tissues.liver()
+    doubling = tissues.attenuating(liver).attenuation
+    for temperature in (37.0, 60.0):
+        fresh = float(liver.attenuation(temperature))
+        grown = [float(doubling(temperature, dose)) / fresh - 1.0 for dose in (0.0, 100.0, 10.0**2.5, 1000.0, 1e10)]
+        np.testing.assert_allclose(grown, [0.0, 0.1, 0.5, 0.9, 1.0], rtol=1e-12)
+
+
 def test_warming_hits_what_was_measured():
     tissue = tissues.warming(tissues.liver())
     conductivity, specific_heat = tissue.conductivity, tissue.specific_heat

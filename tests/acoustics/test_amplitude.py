@@ -67,6 +67,12 @@ def test_positions_that_make_no_parabola_are_refused(z):
         drive_for_peak_pressure(BOWL, frequency=1.1e6, peak_pressure=5e6, medium=WATER, z=z)
 
 
+@pytest.mark.parametrize("top", [2.0, 2.3, 1.6])
+def test_between_positions_the_peak_is_that_of_the_parabola(top):
+    parabola = 5.0 - 0.7 * (jnp.arange(5.0) - top) ** 2
+    np.testing.assert_allclose(_top(parabola), 5.0, rtol=1e-14)
+
+
 def test_a_peak_at_the_end_of_the_positions_is_no_peak():
     np.testing.assert_allclose(_top(jnp.asarray([1.0, 3.0, 3.5, 3.0])), 3.5)
     assert jnp.isnan(_top(jnp.asarray([1.0, 2.0, 4.0, 9.0]))) and jnp.isnan(_top(jnp.asarray([9.0, 4.0, 1.0])))

@@ -31,11 +31,13 @@ from arfjax import (
     tissues,
     vibrate,
 )
+from arfjax.laws import Constant
 from arfjax.mechanics.material.lesion import at_gauss_points
 from arfjax.protocols.probing import on_axis_at
 from arfjax.protocols.stepwise import simulate_heating
 from arfjax.protocols.transient import TissueState, probe_at, solid_of, tissue_states, value_when
 from arfjax.protocols.vibration import VibrationSettings
+from arfjax.thermal.bioheat import TemperatureHistory
 from tests.checks import assert_gradient_of_each_leaf
 
 EXPERIMENT = Path(__file__).parents[2] / "examples" / "suomi2016.toml"
@@ -49,6 +51,7 @@ SETTINGS = discretise(MODEL, refinement=0.4)
 COARSE = VibrationSettings(element=0.8e-3, coarsest=4e-3)
 HOT = 0.235  # of the file's power
 SHAKING = SteadyShaking(50.0, SineIntensity(), COARSE)
+WIRE = Thermocouple(radial_offset=1e-3, viscous_fraction=0.5, viscous_time_constant=2.0)
 
 
 def plan(*powers: float, start: float = 35.0, tolerance: float = 2.0) -> Sonication:
@@ -68,7 +71,7 @@ def watched(model, protocol):
 @pytest.fixture(scope="module")
 def heated():
     """To 75 degC at the focus, with a lesion."""
-    return watched(at_power(BY_DOSE, HOT), TransientProtocol(plan(1.0, 0.0), ShortPush()))
+    return watched(at_power(BY_DOSE, HOT), TransientProtocol(plan(1.0, 0.0), ShortPush(), thermocouple=WIRE))
 
 
 @pytest.mark.parametrize("probe", [ShortPush(), SHAKING], ids=["push", "shaking"])
@@ -137,6 +140,24 @@ def test_the_lesion_outlasts_the_heat(heated):
     assert float(jnp.asarray(solid.unrelaxed_modulus)[0, focus]) == pytest.approx(stiff, rel=1e-3)
 
 
+def test_coagulated_tissue_that_absorbs_twice_as_much_is_pushed_twice_as_far():
+    """Where sound loses next to nothing on its way, and a lesion is no stiffer than liver."""
+    clear = Constant(1e-4, unit="Np/m", source="test")  # over the liver's 40 mm and back a hundred-thousandth
+    liver = tissues.attenuating(dataclasses.replace(MODEL.liver, attenuation=clear))
+    soft = dataclasses.replace(MODEL.lesion, viscoelasticity=liver.viscoelasticity)
+    model, settings = dataclasses.replace(MODEL, liver=liver, lesion=soft), discretise(MODEL, refinement=0.2)
+    shape = settings.heat_grid.shape
+    warm = jnp.full(shape, 37.0)
+
+    @eqx.filter_jit
+    def moved(model, dose):
+        state = TissueState(warm, warm, jnp.asarray(37.0), dose)
+        return probe_at(model, ShortPush(), plan(1.0, start=37.0), settings, state)
+
+    fresh, dead = (moved(model, jnp.full(shape, dose)) for dose in (0.0, 1e8))
+    np.testing.assert_allclose(dead, 2.0 * fresh, rtol=0.0, atol=1e-4 * float(jnp.max(fresh)))
+
+
 def test_uniform_tissue_has_uniform_constants():
     shape = SETTINGS.heat_grid.shape
     state = TissueState(jnp.full(shape, 48.0), jnp.full(shape, 48.0), jnp.asarray(48.0), jnp.zeros(shape))
@@ -165,11 +186,20 @@ def test_the_heat_is_that_of_the_sonication_at_the_mean_power():
 
 
 def test_the_thermocouple_is_read_as_an_instrument(heated):
-    perfect = np.asarray(heated.thermocouple_temperature)
-    np.testing.assert_allclose(perfect, heated.sonication.focal_temperature, atol=0.05)
-    beside = TransientProtocol(plan(1.0, 0.0), ShortPush(), thermocouple=Thermocouple(radial_offset=1e-3))
-    shown = np.asarray(watched(at_power(BY_DOSE, HOT), beside).thermocouple_temperature)
-    assert shown.max() < perfect.max() - 5.0
+    course = heated.sonication
+    history = TemperatureHistory(course.time, course.temperature)
+    capacity = SETTINGS.thermal_field(BY_DOSE, 35.0).heat_capacity
+
+    @eqx.filter_jit
+    def read(thermocouple):
+        heat = {"heat": course.heat, "heat_capacity": capacity}
+        return thermocouple(history, SETTINGS.heat_grid, z=SETTINGS.focus, **heat)
+
+    perfect, beside, shown = read(Thermocouple()), read(dataclasses.replace(WIRE, viscous_fraction=0.0)), read(WIRE)
+    np.testing.assert_allclose(perfect, course.focal_temperature, atol=0.05)
+    assert float(jnp.max(beside)) < float(jnp.max(perfect)) - 5.0
+    assert float(jnp.max(shown - beside)) > 1.0  # what sound does to the wire, beyond heating tissue
+    np.testing.assert_allclose(heated.thermocouple_temperature - beside, shown - beside, rtol=1e-9, atol=1e-9)
 
 
 def test_value_when_a_course_reaches_a_level():

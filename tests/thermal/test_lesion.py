@@ -193,6 +193,15 @@ def test_a_lesion_that_leaves_the_grid_is_cut_there():
     np.testing.assert_allclose(size.volume, (0.5 + 11.0 / 32.0) * ELLIPSOID[2], rtol=1e-3)
 
 
+def test_an_edge_between_the_last_centre_and_the_wall_is_where_its_straight_line_has_it():
+    grid = AxisymmetricGrid(np.linspace(0.0, 4e-3, 5), np.linspace(0.0, 0.01, 6))
+    radius, half_length = 3.8e-3, 4.7e-3  # the last centres are at 3.5 mm, and 4 mm from the middle
+    across = 8.0 * (1.0 - grid.r[:, None] / radius) + 0.0 * grid.z
+    along = 8.0 * (1.0 - np.abs(grid.z - 5e-3) / half_length) + 0.0 * grid.r[:, None]
+    np.testing.assert_allclose(measured(240.0 * np.exp(across), grid).diameter, 2.0 * radius, rtol=1e-12)
+    np.testing.assert_allclose(measured(240.0 * np.exp(along), grid).length, 2.0 * half_length, rtol=1e-12)
+
+
 def test_size_grows_without_jumps_as_the_threshold_falls():
     grid = grid_of(20)
     dose = ellipsoid_dose(grid)

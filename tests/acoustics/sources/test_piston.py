@@ -5,12 +5,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from arfjax.acoustics.layers import AcousticLayer
+from arfjax.acoustics.one_way import solve_field
 from arfjax.acoustics.power import power_through_plane
+from arfjax.acoustics.settings import MarchSettings
 from arfjax.acoustics.sources.apodisation import Apodisation
 from arfjax.acoustics.sources.piston import Piston
 from arfjax.errors import InputError
 from arfjax.exact.piston import axial_pressure
-from arfjax.transducer import Drive
+from arfjax.media import AcousticMedium
+from arfjax.numerics.hankel import hankel_basis
+from arfjax.transducer import Drive, PressureDrive
 from tests.acoustics.sources.problems import (
     BASIS,
     COMPLEX_WAVENUMBER,
@@ -18,6 +23,7 @@ from tests.acoustics.sources.problems import (
     FREQUENCY,
     IMPEDANCE,
     RADII,
+    SOUND_SPEED,
     WAVENUMBER,
     axial_wavenumber,
     marched,
@@ -70,6 +76,27 @@ def test_march_from_a_plane_follows_the_axis():
     z = np.array([50e-3, 80e-3, 110e-3, RADIUS**2 * WAVENUMBER / (2.0 * np.pi)])
     pressure = marched(series(Piston(RADIUS), plane=10e-3), z - 10e-3, np.zeros(1))[0]
     np.testing.assert_allclose(pressure, axial_pressure(z, radius=RADIUS, wavenumber=WAVENUMBER), rtol=0, atol=0.02)
+
+
+def test_sound_steepens_from_the_disc_on_as_fubinis_plane_wave():
+    """Far before a shock the second harmonic has p g z / 2 of the first's amplitude.
+
+    Three quarters of the way lie before the march. Waves from the rim, whose share falls as 1 / radius, make 2 %.
+    """
+    water, pressure, z = AcousticMedium(DENSITY, SOUND_SPEED, 0.0, 2.0, 5.0), 1e4, 20e-3
+    settings = MarchSettings(n_harmonics=4, n_radial=96, domain_radius=40e-3, axial_step=0.5e-3, start_plane=15e-3)
+    basis = hankel_basis(settings.n_radial, settings.domain_radius)
+    clean = basis.nodes < settings.sponge_start * settings.domain_radius
+    where = {"r": basis.nodes[clean], "z": np.array([z]), "settings": settings}
+
+    @jax.jit
+    def harmonics():
+        layers = [AcousticLayer(water, 2.0 * z)]
+        return solve_field(Piston(RADIUS), PressureDrive(FREQUENCY, pressure), layers, **where).pressure[:2, :, 0]
+
+    first, second = np.sqrt(np.abs(harmonics()) ** 2 @ basis.weights[clean])
+    rate = 2.0 * np.pi * FREQUENCY * 3.5 / (DENSITY * SOUND_SPEED**3)
+    np.testing.assert_allclose(second / first, 0.5 * pressure * rate * z, rtol=0.03)
 
 
 def test_power_is_that_of_the_area():

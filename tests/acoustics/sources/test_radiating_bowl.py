@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from arfjax.acoustics.sources.apodisation import Apodisation
 from arfjax.acoustics.sources.radiating_bowl import RadiatingBowl, as_source
@@ -68,6 +69,14 @@ def test_area_counts_the_square_of_the_amplitude():
     halves = Apodisation(np.array([10.0, 20.0, 20.0, 32.0]) * 1e-3, np.array([1.0, 1.0, 0.5, 0.5]), np.ones(4))
     inner, outer = FocusedBowl(20e-3, HOLE, FOCAL), FocusedBowl(APERTURE, 20e-3, FOCAL)
     np.testing.assert_allclose(RadiatingBowl(BOWL, halves).area, inner.area + 0.25 * outer.area, rtol=1e-12)
+
+
+def test_steepening_length_counts_every_part_of_the_way_by_how_strong_the_wave_is_there():
+    """A converging wave has F / s of its first pressure at s from the focus; on the bowl itself it has gone no way."""
+    r, plane = np.array([0.0, 30e-3, np.sqrt(FOCAL**2 - 40e-3**2), 60e-3]), FOCAL - 40e-3
+    ends = np.minimum(np.hypot(r, 40e-3), FOCAL)  # from the focus: 40 mm, 50 mm, the bowl, beyond it
+    lengths = [quad(lambda s, end=end: end / s, end, FOCAL)[0] for end in ends]
+    np.testing.assert_allclose(RadiatingBowl(BOWL).steepening_length(r, plane), lengths, rtol=1e-12, atol=1e-15)
 
 
 def test_focus_is_oneils():

@@ -288,6 +288,22 @@ def test_every_solid_makes_a_field(outside, inside):
         np.testing.assert_allclose(field.branch_shear_moduli[:, 0, 1], [2e3, 3e3])
 
 
+def test_resistance_to_volume_is_that_of_the_spring_which_answers_first():
+    """At once all branches are springs; dashpots, which would be rigid then, take no part."""
+    solids = (
+        Elastic(3e3),
+        KelvinVoigt(3e3, 1.0),
+        FractionalKelvinVoigt(3e3, 20.0, 0.4),
+        Zener(1e3, 3e3, 0.3),
+        FractionalZener(1e3, 3e3, 0.3, 0.4),
+        Prony(1e3, np.array([1.5e3, 0.5e3]), np.array([1e-3, 1e-2])),
+    )
+    exact = 3e3 * 2.0 * 1.499 / (3.0 * (1.0 - 2.0 * 0.499))  # from shear modulus and Poisson's ratio
+    for solid in solids:
+        field = material_of(solid, (1, 1), reading=ShearModulus(), **OTHERS)
+        np.testing.assert_allclose(field.bulk_modulus, exact, rtol=1e-12, err_msg=type(solid).__name__)
+
+
 def test_nonsense_is_refused():
     with pytest.raises(InputError, match="Millimetres"):
         Ellipsoid.of_length_and_diameter(5.0, 1.2, centre=0.0)
