@@ -243,7 +243,8 @@ def _entry(section: ParameterSection, state: State) -> Any:
 def _require_near(section: ParameterSection, prior: Prior, standing: float) -> None:
     """Refuse a prior of a positive constant that is orders of magnitude off what the model holds, as in other units."""
     low, high = (float(prior.quantile(probability)) for probability in (0.025, 0.975))
-    if standing > 0.0 and high > 0.0 and not low / _FAR <= standing <= high * _FAR:
+    of_model = section.place.startswith("model.") and standing > 0.0
+    if of_model and high > 0.0 and not low / _FAR <= standing <= high * _FAR:
         raise InputError(
             f"`inference.parameters` {section.name}: the prior lies between {low:.3g} and {high:.3g}, and the model "
             f"holds {standing:.3g} {section.unit} at `{section.place}`; give the prior in SI units, or the model a "

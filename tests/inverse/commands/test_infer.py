@@ -12,6 +12,7 @@ from inverse.commands.infer import _sweeps as infer_command_sweeps
 from inverse.commands.main import run
 from inverse.datasets.shipped import shipped
 from inverse.inference.dma import dma_problem
+from inverse.inference.experiment import _SCALED
 from inverse.sampling import load_posterior
 
 POLYMER = str(shipped("pyvisco_polymer"))
@@ -117,12 +118,23 @@ def test_what_is_said_when_it_is_stopped(drawn, said, tmp_path, capsys, monkeypa
     assert [each.name for each in tmp_path.glob("**/*")] == (["out", "run.h5"] if drawn else [])
 
 
+@pytest.mark.parametrize("unit", ["1", "Pa", "s", "1/K", "Np/m", "m/s", "kg/m^3", "W/(m K)", "J/(kg K)", "Pa s"])
+def test_si_units_are_no_multiples(unit):
+    assert _SCALED.search(unit) is None
+
+
 def test_what_a_prior_does_not_take_and_attenuation_without_anchors(tmp_path, capsys):
     text = shipped("suomi2016_experiment").read_text()
     path, tail = tmp_path / "mine.toml", ["--dma", POLYMER, "--temperature", "20", "--out", str(tmp_path / "out")]
     section = '[[inference.parameters]]\nname = "a"\nplace = "model.liver.density.value"\n'
     path.write_text(text + section + 'prior = { kind = "log-normal", log_sd = 0.5, mean = 3000.0 }\n')
     assert "a log-normal prior has no mean; it takes log_sd and median" in complaint([str(path), *tail], capsys)
+    stiffness = section.replace("liver.density.value", "lesion.viscoelasticity.branch_modulus.value")
+    path.write_text(text + stiffness + 'unit = "kPa"\nprior = { kind = "log-normal", log_sd = 0.5 }\n')
+    assert "a: the unit kPa is a multiple (kPa), and the model's" in complaint([str(path), *tail], capsys)
+    for prior in ('kind = "log-normal", log_sd = 0.5, median = 50.0', 'kind = "uniform", lower = 10.0, upper = 90.0'):
+        path.write_text(f'{text}{stiffness}unit = "Pa"\nprior = {{ {prior} }}\n')
+        assert "and the model holds 5.26e+04 Pa at" in complaint([str(path), *tail], capsys)
     liver = '[[layers]]\ntissue = "liver"\n'
     assert liver in text
     path.write_text(text.replace(liver, f"{liver}coagulation_doubles_attenuation = true\n"))
