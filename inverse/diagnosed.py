@@ -9,8 +9,7 @@ from typing import Any
 
 from arfjax import Experiment, InputError, read_experiment
 from inverse.datasets.dma import DmaData, read_dma, require_loss
-from inverse.datasets.hmi import HmiData, read_hmi, without_copies
-from inverse.datasets.table import unused
+from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.design import Design, design_dma, design_hmi
 from inverse.design.report import in_short, in_words
 from inverse.diagnosis.cause import Cause
@@ -179,6 +178,7 @@ class _Asked:
 
 
 def _of_dma(data: DmaData, name: str, model: ZenerModel, asked: _Asked) -> Diagnosed:
+    data = data.without_copies()
     require_loss(data, name)
     causes = find_causes(asked.causes or DMA_CAUSES, DMA_CAUSES)
     diagnosis = functools.partial(
@@ -193,7 +193,7 @@ def _of_dma(data: DmaData, name: str, model: ZenerModel, asked: _Asked) -> Diagn
             seed=asked.seed, on_step=asked.on_step,
         )  # fmt: skip
 
-    return asked.answered(found, name, (*unused(data.ignored_columns), *further), design)
+    return asked.answered(found, name, (*data.remarks, *further), design)
 
 
 def _of_hmi(hmi: Path | str | HmiData, experiment: Path | str | Experiment | None, asked: _Asked) -> Diagnosed:
@@ -202,7 +202,7 @@ def _of_hmi(hmi: Path | str | HmiData, experiment: Path | str | Experiment | Non
     described = experiment if isinstance(experiment, Experiment) else read_experiment(Path(experiment))
     place = "the experiment" if isinstance(experiment, Experiment) else str(experiment)
     data, name = (hmi, "the data") if isinstance(hmi, HmiData) else (read_hmi(Path(hmi)), Path(hmi).name)
-    data, copies = without_copies(data)
+    data = data.without_copies()
     causes, settings = find_causes(asked.causes or HMI_CAUSES, HMI_CAUSES), require_diagnosable(data, described, place)
     prepared = prepare_hmi(described, settings, data, seed=asked.seed, effort=LEARNT, on_step=asked.on_step)
     found = diagnose_hmi(
@@ -216,4 +216,4 @@ def _of_hmi(hmi: Path | str | HmiData, experiment: Path | str | Experiment | Non
             seed=asked.seed, on_step=asked.on_step,
         )  # fmt: skip
 
-    return asked.answered(found, name, (*unused(data.ignored), *copies), design)
+    return asked.answered(found, name, data.remarks, design)

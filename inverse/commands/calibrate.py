@@ -27,7 +27,6 @@ from arfjax.io import stepwise_dataset, write_netcdf
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.notes import sound_notes
 from inverse.datasets.hmi import HmiData, read_hmi
-from inverse.datasets.table import unused
 from inverse.figures import draw_calibration
 from inverse.hmi_fit import CalibrationSettings, HmiFit, fit_hmi
 from inverse.output import output_directory, quantity, write_figures, write_summary
@@ -188,7 +187,7 @@ def _notes(fit: HmiFit, measured: HmiData, curves: xr.Dataset, settings: Discret
         notes.append("THE ESTIMATE OF THE SCATTER DID NOT SETTLE; give standard deviations in the file.")
     kind = "linear" if settings.march.n_harmonics == 1 else "nonlinear"
     notes.append(_SIMULATED.format(kind=kind, frequency=1e-6 * float(fit.model.drive.frequency)))
-    return [*notes, *unused(measured.ignored)]
+    return [*notes, *measured.remarks]
 
 
 def _results(fit: HmiFit, measured: HmiData) -> dict[str, object]:

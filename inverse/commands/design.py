@@ -11,8 +11,7 @@ from arfjax import InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.diagnose import NullModel, require_fittable
 from inverse.datasets.dma import read_dma
-from inverse.datasets.hmi import read_hmi, without_copies
-from inverse.datasets.table import unused
+from inverse.datasets.hmi import read_hmi
 from inverse.design import design_dma, design_hmi
 from inverse.design.report import as_json, report
 from inverse.diagnosed import MODELS
@@ -60,14 +59,14 @@ def design_command(
                 file, solid = dma, MODELS[model.value]
                 data = read_dma(dma, trust_units=trust_units)
                 require_fittable(dma, data, solid)
-                remarks = unused(data.ignored_columns)
+                remarks = data.remarks
                 found = design_dma(data, causes=wanted, model=solid, check=check, seed=seed, on_step=show)
             else:
                 assert hmi is not None and experiment is not None  # see above
                 file, described = hmi, read_experiment(experiment)
-                curves, copies = without_copies(read_hmi(hmi))
+                curves = read_hmi(hmi)
                 require_diagnosable(curves, described, str(experiment))
-                remarks = (*unused(curves.ignored), *copies)
+                remarks = curves.remarks
                 found = design_hmi(
                     curves, described, name=str(experiment), causes=wanted, check=check, seed=seed, on_step=show
                 )

@@ -10,9 +10,9 @@ import numpy as np
 import typer
 import xarray as xr
 
+from arfjax import InputError
 from inverse.commands.console import show_lines, show_table, working
 from inverse.datasets.dma import DmaData, group_sweeps, read_dma
-from inverse.datasets.table import unused
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL, DmaFit, SweepFit, fit_sweeps, magnitude_only
 from inverse.dma_residuals import LinearModulus, LogModulus, ModulusResidual
 from inverse.figures import dma_figure
@@ -70,6 +70,8 @@ def fit_dma(
     with output_directory(out) as folder:
         with working(f"fitting {len(sweeps)} sweeps"):
             fit = fit_sweeps(sweeps, models=_MODELS[model], residuals=chosen, seed=seed, n_starts=starts)
+        if not fit.fits and not any(one.means for one in fit.unfitted):
+            raise InputError(f"{data}: nothing can be fitted. {fit.unfitted[0].sweep.label}: {fit.unfitted[0].reason}.")
         _write_parameters(folder / "parameters.csv", fit)
         _dataset(fit, chosen).to_netcdf(folder / "fit.nc", engine="h5netcdf")
         figures = write_figures(
@@ -90,7 +92,7 @@ def fit_dma(
             },
             results=_results(fit),
         )
-    _show(fit, out)
+    _show(fit, measured, out)
 
 
 def _write_parameters(path: Path, fit: DmaFit) -> None:
@@ -197,7 +199,7 @@ def _results(fit: DmaFit) -> dict:
 def _report(data: Path, measured: DmaData, fit: DmaFit, figures: list[str]) -> str:
     lines = [f"# Zener solids fitted to {data.name}", ""]
     lines += [f"{len(measured)} rows, {len(fit.sweeps)} sweeps.", ""]
-    lines += [line for remark in unused(measured.ignored_columns) for line in (remark, "")]
+    lines += [line for remark in measured.remarks for line in (remark, "")]
     if fit.fits:
         lines += [
             "Value ± standard error; `?` marks a constant that the data do not fix. SSE: of log modulus; of modulus; "
@@ -232,7 +234,7 @@ def _row(one: SweepFit) -> list[str]:
     return cells + [f"{getattr(one, kind):.3g}" for kind, _ in _SUMS]
 
 
-def _show(fit: DmaFit, out: Path) -> None:
+def _show(fit: DmaFit, measured: DmaData, out: Path) -> None:
     """A table of the fits with the first of the residuals, and what needs attention."""
     shown = fit.select(residual=fit.fits[0].residual) if fit.fits else []
     if shown:
@@ -250,7 +252,7 @@ def _show(fit: DmaFit, out: Path) -> None:
         lines += [
             f"{len(fit.unfitted)} sweeps without a fit of some model, such as {first.sweep.label}: {first.reason}"
         ]
-    show_lines(lines)
+    show_lines([*measured.remarks, *lines])
 
 
 def _brief(one: SweepFit) -> list[str]:

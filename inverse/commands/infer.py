@@ -131,7 +131,8 @@ def infer_command(
             remark = " ".join(each for each in (remark, _cut_off(made, study)) if each)
         say("figures")
         figures, note = _write_posterior(folder, study, panels, seed)
-        remark = " ".join(each for each in (remark, note) if each)
+        not_used = [*(sweeps[0].data.remarks if sweeps else ()), *(read_hmi(hmi).remarks if hmi else ())]
+        remark = " ".join(each for each in (remark, note, *not_used) if each)
         write_parameters(folder / "parameters.csv", study)
         inputs = {name: path for name, path in given.items() if path is not None}
         labels = [sweep.label for sweep in sweeps]

@@ -11,7 +11,7 @@ from arfjax import InputError
 from arfjax.units import MODULUS_IN_PASCAL
 from inverse.datasets.copies import distinct_rows, said_of_copies
 from inverse.datasets.dma_checks import SWEEP_GAP, check_magnitudes, check_signs, check_time
-from inverse.datasets.table import TEMPERATURE_UNITS, TIME_UNITS, Columns, Quantity, read_columns
+from inverse.datasets.table import TEMPERATURE_UNITS, TIME_UNITS, Columns, Quantity, read_columns, unused
 
 _SAME_FREQUENCY = 1e-3
 """Step between sorted logarithms of frequency that starts a new one."""
@@ -75,6 +75,7 @@ class DmaData:
         time_s: [s], or None.
         sample: Label of the sample; empty where the file names none.
         ignored_columns: Headers of the file that were not used.
+        n_copies: Rows of the file that were left out because others say the same.
     """
 
     frequency_hz: Float[np.ndarray, " n"]
@@ -88,6 +89,12 @@ class DmaData:
     time_s: Float[np.ndarray, " n"] | None = None
     sample: tuple[str, ...] = ()
     ignored_columns: tuple[str, ...] = ()
+    n_copies: int = 0
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a report says of what was not used."""
+        return (*unused(self.ignored_columns), *said_of_copies(self.n_copies))
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -102,6 +109,13 @@ class DmaData:
     def distinct_frequencies(self) -> int:
         """Number of frequencies that differ by more than a thousandth."""
         return len(np.unique(frequency_groups(self.frequency_hz)))
+
+    def without_copies(self) -> "DmaData":
+        """Without rows of which another one says the same in all that is used: they are no readings."""
+        others = (getattr(self, field.name) for field in dataclasses.fields(self))
+        kept = distinct_rows([*(each for each in others if isinstance(each, np.ndarray)), self.sample or None])
+        copies = len(self) - len(kept)
+        return dataclasses.replace(self.select(kept), n_copies=self.n_copies + copies) if copies else self
 
     def select(self, rows: Int[np.ndarray, " m"] | Bool[np.ndarray, " n"]) -> "DmaData":
         """Some of the rows."""
@@ -200,7 +214,7 @@ def read_dma(path: Path | str, *, trust_units: bool = False) -> DmaData:
         time_s=numbers.get("time"),
         sample=columns.labels.get("sample", ()),
         ignored_columns=(*columns.ignored, *_unused(columns, _used(numbers))),
-    )
+    ).without_copies()
 
 
 def require_loss(data: DmaData, name: str) -> None:
@@ -215,14 +229,6 @@ def require_loss(data: DmaData, name: str) -> None:
         raise InputError(
             f"{name}: the loss is 0 in every row; if the phase was not measured, give 'modulus_magnitude_pa' alone."
         )
-
-
-def without_copies(data: DmaData) -> tuple[DmaData, tuple[str, ...]]:
-    """Rows of which another one says the same in all that is used are no readings; and what is to be said of them."""
-    columns = [getattr(data, field.name) for field in dataclasses.fields(data) if field.name != "ignored_columns"]
-    kept = distinct_rows([column for column in columns if column is not None and len(column)])
-    copies = len(data) - len(kept)
-    return (data.select(kept) if copies else data), said_of_copies(copies)
 
 
 def group_sweeps(data: DmaData) -> tuple[Sweep, ...]:

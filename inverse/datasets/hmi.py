@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from arfjax.units import LENGTH_IN_METRE
 from inverse.datasets.copies import distinct_rows, said_of_copies
-from inverse.datasets.table import TEMPERATURE_UNITS, TIME_UNITS, Columns, Quantity, read_columns
+from inverse.datasets.table import TEMPERATURE_UNITS, TIME_UNITS, Columns, Quantity, read_columns, unused
 
 _PERCENT = {"%": 1.0, "percent": 1.0, "pct": 1.0}
 _SPREAD = frozenset({"displacementsd", "dispsd", "displacementstd", "displacementstandarddeviation"})
@@ -49,6 +49,7 @@ class HmiData:
         in_percent: Which of the two.
         sd: Standard deviation in the same unit; None where the file gives none.
         ignored: Headers of columns that were not used.
+        n_copies: Rows of the file that were left out because others say the same.
     """
 
     path: Path
@@ -59,11 +60,23 @@ class HmiData:
     in_percent: bool
     sd: Float[np.ndarray, " n"] | None
     ignored: tuple[str, ...]
+    n_copies: int = 0
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a report says of what was not used."""
+        return (*unused(self.ignored), *said_of_copies(self.n_copies))
 
     @property
     def labels(self) -> tuple[str, ...]:
         """The sonications, in the order of the file."""
         return tuple(dict.fromkeys(self.sonication))
+
+    def without_copies(self) -> "HmiData":
+        """Without rows of which another one says the same in all that is used: they are no readings."""
+        kept = distinct_rows([self.sonication, self.temperature, self.time, self.displacement, self.sd])
+        copies = len(self.sonication) - len(kept)
+        return dataclasses.replace(self.select(kept), n_copies=self.n_copies + copies) if copies else self
 
     def select(self, rows: Int[np.ndarray, " m"]) -> "HmiData":
         """Some of the rows."""
@@ -77,13 +90,6 @@ class HmiData:
     def rows_of(self, label: str) -> list[int]:
         """Rows of one sonication."""
         return [row for row, name in enumerate(self.sonication) if name == label]
-
-
-def without_copies(data: HmiData) -> tuple[HmiData, tuple[str, ...]]:
-    """Rows of which another one says the same in all that is used are no readings; and what is to be said of them."""
-    kept = distinct_rows([data.sonication, data.temperature, data.time, data.displacement, data.sd])
-    copies = len(data.sonication) - len(kept)
-    return (data.select(kept) if copies else data), said_of_copies(copies)
 
 
 def read_hmi(path: str | Path) -> HmiData:
@@ -126,7 +132,7 @@ def read_hmi(path: str | Path) -> HmiData:
         ignored=columns.ignored,
     )
     _check_time(columns, data)
-    return data
+    return data.without_copies()
 
 
 def _named(columns: Columns) -> str:

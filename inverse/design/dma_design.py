@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from arfjax import FractionalZener, complex_modulus
-from inverse.datasets.dma import DmaData, without_copies
+from inverse.datasets.dma import DmaData
 from inverse.design.design import Design, Rated, alive, checked, reasons
 from inverse.design.dma_information import dma_information
 from inverse.design.dma_proposals import DmaProposal, dma_proposals
@@ -54,7 +54,7 @@ def design_dma(
         InputError: if there are no two causes to tell apart, or the fit itself failed.
     """
     find_causes(causes, library)
-    data, copies = without_copies(data)
+    data = data.without_copies()
     remarks: tuple[str, ...] = ()
     if found is None:
         on_step("diagnosing")
@@ -92,7 +92,7 @@ def design_dma(
     return Design(
         found.verdict, names, now, tuple(Rated(*one) for one in rated), tuple(checks),
         tuple(size.tolist()), seed,
-        (*copies, *remarks, *reasons(found, causes, tuple(names))), information,
+        (*remarks, *reasons(found, causes, tuple(names))), information,
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float, Int
 
 from arfjax import InputError
-from inverse.datasets.dma import DmaData, Sweep, group_sweeps, without_copies
+from inverse.datasets.dma import DmaData, Sweep, group_sweeps
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.dma.cause import DmaConditions, predicted_modulus
 from inverse.diagnosis.noise import Ordering, series
@@ -160,9 +160,7 @@ def dma_problem(
     Raises:
         InputError: if there are too few data; see `usable_sweeps`.
     """
-    data, copies = without_copies(data)
-    data, notes = _with_time(data)
-    notes = (*copies, *notes)
+    data, notes = _with_time(data.without_copies())
     needed, sweeps = len(model.constants()), usable_sweeps(data, model)
     fit = fit_sweeps(sweeps, models=(model,), residuals=(_RESIDUAL,), seed=seed, n_starts=n_starts)
     weights, stated = _weights(sweeps)

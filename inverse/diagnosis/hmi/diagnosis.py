@@ -177,8 +177,10 @@ def require_diagnosable(data: HmiData, described: Experiment, name: str = "exper
 def _require_enough(data: HmiData, rows: HmiRows, constants: int) -> None:
     spare = len(rows) - len(rows.labels) - constants
     if spare < LEAST_SPARE:
+        added = int(np.sum(rows.file_row < 0))
+        counted = f" ({added} of them the references, 100 percent, that are in no row)" if added else ""
         raise InputError(
-            f"{data.path}: {len(rows)} readings for {constants} constants and a factor of each of "
+            f"{data.path}: {len(rows)} readings{counted} for {constants} constants and a factor of each of "
             f"{len(rows.labels)} sonications leave {spare} to judge the simulation by; at least {LEAST_SPARE} are "
             "needed: measure more, or free fewer constants in `[inference]`."
         )

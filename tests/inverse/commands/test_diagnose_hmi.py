@@ -66,10 +66,16 @@ def test_what_is_written(paper):
         (["TOML", "--hmi", "HMI", "--model", "zener"], "--model are of a DMA"),
         (["TOML", "--hmi", "HMI", "--trust-units"], "--trust-units and"),
         # Before the DMA is diagnosed, which takes minutes.
-        (["DEFAULT", "--hmi", "HMI", "--dma", "DMA"], "14 readings for 9 constants"),
+        (
+            ["DEFAULT", "--hmi", "HMI", "--dma", "DMA"],
+            "14 readings (3 of them the references, 100 percent, that are in no row) for 9 constants",
+        ),
         (["TOML", "--hmi", "DMA", "--dma", "DMA"], "no column for displacement"),
         (["nowhere.toml", "--dma", "DMA"], "nowhere.toml"),
-        (["DEFAULT", "--hmi", "HMI"], "14 readings for 9 constants"),
+        (
+            ["DEFAULT", "--hmi", "HMI"],
+            "14 readings (3 of them the references, 100 percent, that are in no row) for 9 constants",
+        ),
     ],
 )
 def test_what_it_cannot_use_gets_one_line(arguments, said, tmp_path, capsys):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from arfjax import InputError
 from arfjax.mechanics.material.complex_modulus import complex_modulus
 from arfjax.media import FractionalZener
 from inverse.commands.fit_dma import ModelChoice, ResidualChoice, fit_dma
@@ -31,6 +32,26 @@ def measured(tmp_path):
                 writer.writerow([repr(float(v)) for v in (f, temperature, modulus.real, modulus.imag)])
         writer.writerow([1.0, 80.0, 5000.0, 500.0])
     return path
+
+
+def test_what_is_written_twice_is_fitted_once(measured, tmp_path, capsys):
+    header, *rows = measured.read_text().splitlines()
+    twice = tmp_path / "twice.csv"
+    twice.write_text("\n".join([header, *rows, *rows, ""]))
+    for file in (measured, twice):
+        fit_dma(file, tmp_path / file.stem, model=ModelChoice.ZENER, residuals=ResidualChoice.LOG, starts=2)
+    one, other = ((tmp_path / name / "parameters.csv").read_text() for name in ("sweeps", "twice"))
+    assert one == other
+    said = "25 rows repeat others in every column that is used and are left out"
+    assert said in (tmp_path / "twice" / "report.md").read_text() and said in " ".join(capsys.readouterr().out.split())
+
+
+def test_where_nothing_can_be_fitted_nothing_is_written(tmp_path):
+    few = tmp_path / "few.csv"
+    few.write_text("frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa\n1,20,5000,500\n2,20,5100,500\n")
+    with pytest.raises(InputError, match=r"few.csv: nothing can be fitted. 20.0 degC: "):
+        fit_dma(few, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_everything_is_written(measured, tmp_path, capsys):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arfjax import InputError, discretise
-from inverse.datasets.hmi import read_hmi, without_copies
+from inverse.datasets.hmi import read_hmi
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.courses import hmi_rows, plan_courses, require_during
 from inverse.diagnosis.hmi.diagnosis import _axes
@@ -30,13 +30,13 @@ def test_reading_that_a_curve_was_divided_by_is_one_of_its_rows():
 def test_a_row_that_is_written_twice_is_one_reading():
     data = curves(np.linspace(100.0, 90.0, len(TEMPERATURES)))
     rows = np.concatenate([np.arange(len(TEMPERATURES)), [0, 3]])
-    kept, (said,) = without_copies(data.select(rows))
-    assert kept.sonication == data.sonication and said.startswith("2 rows repeat others")
+    kept = data.select(rows).without_copies()
+    assert kept.sonication == data.sonication and kept.remarks[0].startswith("2 rows repeat others")
     np.testing.assert_array_equal(kept.displacement, data.displacement)
-    assert without_copies(data) == (data, ())
+    assert data.without_copies() is data
     # At another time, or from another sonication, the same value is another reading.
     timed = dataclasses.replace(data.select(rows), time=np.arange(float(len(rows))))
-    assert without_copies(timed) == (timed, ())
+    assert timed.without_copies() is timed
 
 
 def test_a_displacement_that_is_not_positive_is_refused():
