@@ -88,10 +88,16 @@ class Audit:
         return tuple(finding for finding in self.findings if finding.kind is kind)
 
 
-def audit(fit: Fit) -> Audit:
-    """Look at a fit before anything is concluded from it."""
+def audit(fit: Fit, *, may_have_more_starts: bool = True) -> Audit:
+    """Look at a fit before anything is concluded from it.
+
+    Args:
+        fit: From `fit` or `judge`.
+        may_have_more_starts: Whether the reader can ask for more than it had, which is advised where few agree.
+    """
     identification = identify(fit.problem, fit.values)
-    findings = [*_convergence(fit), *_starts(fit), *_bounds(fit), *_vanishing(fit), *_information(identification)]
+    findings = [*_convergence(fit), *_starts(fit, may_have_more_starts), *_bounds(fit), *_vanishing(fit)]
+    findings += _information(identification)
     return Audit(tuple(findings), identification, len(fit.starts.costs), fit.starts.n_agreeing)
 
 
@@ -103,7 +109,7 @@ def _convergence(fit: Fit) -> list[Finding]:
     return [Finding(Kind.CONVERGENCE, (), f"The fit did not converge: {fit.status}.")]
 
 
-def _starts(fit: Fit) -> list[Finding]:
+def _starts(fit: Fit, may_have_more: bool) -> list[Finding]:
     count, agreeing = len(fit.starts.costs), fit.starts.n_agreeing
     if fit.judged:
         return []
@@ -116,7 +122,7 @@ def _starts(fit: Fit) -> list[Finding]:
             Kind.STARTS,
             (),
             f"Only {agreeing} of {count} starts reached this minimum, so that there may be a lower one: "
-            "allow more starts.",
+            f"{'allow more starts' if may_have_more else 'try another seed'}.",
         )
     ]
 

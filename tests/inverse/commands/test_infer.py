@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from arfjax import InputError
 from inverse.commands import infer as command
 from inverse.commands.infer import Across
 from inverse.commands.infer import _sweeps as infer_command_sweeps
@@ -37,6 +38,14 @@ def complaint(arguments: list[str], capsys) -> str:
             "`noise` is not one constant of the model",
         ),
         (["--out", "{out}", "--dma", POLYMER, "--sampler", "laplace", "--evidence"], "--evidence needs draws"),
+        (
+            ["--out", "{out}", "--dma", POLYMER, "--sampler", "emcee", "--target-acceptance", "0.9"],
+            "--target-acceptance is of nuts: leave it out, or take --sampler nuts",
+        ),
+        (
+            [EXPERIMENT, "--out", "{out}", "--hmi", HMI, "--target-acceptance", "0.9"],
+            "--target-acceptance is of nuts: leave it out, or take --sampler nuts",
+        ),
         (["--out", "{out}", "--dma", POLYMER], "holds 21 sweeps; choose one by --temperature"),
         (["--out", "{out}", "--dma", POLYMER, "--sampler", "guess"], "Invalid value for '--sampler'"),
         (["--out", "{out}", "--dma", POLYMER, "--temperature", "313"], "are at -49.9 to 100.0 degC; give one of their"),
@@ -115,6 +124,24 @@ def test_what_is_said_when_it_is_stopped(drawn, said, tmp_path, capsys, monkeypa
     assert run(["infer", "--dma", POLYMER, "--temperature", "60", "--out", str(out)]) == 130
     assert said in capsys.readouterr().err
     assert [each.name for each in tmp_path.glob("**/*")] == (["out", "run.h5"] if drawn else [])
+
+
+def test_what_is_asked_for_reaches_the_study(tmp_path, monkeypatch):
+    """With HMI no more than four starts, beyond which none are advised."""
+    asked = []
+
+    def stopped(*_, effort, **__):
+        asked.append(effort)
+        raise InputError("enough")
+
+    monkeypatch.setattr(command, "infer", stopped)
+    monkeypatch.setattr(command, "_problem", lambda *_: (None, {}, None))
+    dma = ["infer", "--dma", POLYMER, "--temperature", "60", "--out", str(tmp_path / "out")]
+    hmi = ["infer", EXPERIMENT, "--hmi", HMI, "--out", str(tmp_path / "out")]
+    for arguments in (dma, [*dma, "--target-acceptance", "0.95"], hmi):
+        assert run(arguments) == 2
+    assert [each.target_acceptance for each in asked] == [0.8, 0.95, 0.8]
+    assert [(each.starts, each.most_starts) for each in asked] == [(16, None), (16, None), (4, 4)]
 
 
 def test_what_a_prior_does_not_take_and_attenuation_without_anchors(tmp_path, capsys):

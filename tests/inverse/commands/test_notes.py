@@ -2,9 +2,13 @@
 
 import dataclasses
 
+import numpy as np
+
 from arfjax import MarchSettings, discretise, read_experiment
+from inverse.commands.calibrate import ending
 from inverse.commands.notes import boiling_notes, sound_notes
 from inverse.datasets.shipped import shipped
+from inverse.least_squares import descend
 
 
 def test_heat_of_nonlinear_sound_at_another_power():
@@ -18,3 +22,15 @@ def test_heat_of_nonlinear_sound_at_another_power():
 def test_boiling():
     assert boiling_notes(float("nan")) == []
     assert "reaches 100 degC at 2.5 s" in boiling_notes(2.5)[0]
+
+
+def test_more_steps_are_advised_where_they_can_be_had():
+    """By `calibrate` alone; commands without such an option are told what else may help."""
+
+    def residual(u, _):
+        return u**2 - 2.0
+
+    stopped = descend(residual, np.ones(1), max_steps=1)
+    assert stopped.out_of_steps and "steps: look for constants that the data do not fix" in stopped.message
+    assert ending(stopped).endswith("look for constants that the data do not fix, or allow more by --max-steps.")
+    assert ending(descend(residual, np.ones(1))) == "The optimisation converged."
