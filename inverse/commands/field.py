@@ -159,7 +159,10 @@ def _rows(data: xr.Dataset) -> list[tuple[str, str]]:
         ),
         ("highest heat deposition", f"{1e-6 * float(hottest):.1f} W/cm3 at z = {1e3 * float(hottest['z']):.2f} mm"),
         ("highest radiation force density", f"{1e-3 * float(data['radiation_force_density'].max()):.1f} kN/m3"),
-        ("the same by 2 alpha I / c differs by", f"{100.0 * told['radiation_force_of_intensity_relative_difference']:+.2f} %"),
+        (
+            "the same by 2 alpha I / c differs by",
+            f"{100.0 * told['radiation_force_of_intensity_relative_difference']:+.2f} %",
+        ),
         (
             "estimated errors (harmonics, radial, axial)",
             ", ".join(f"{told[f'convergence_{name}']:.1e}" for name in ("harmonics", "radial", "axial")),

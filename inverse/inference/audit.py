@@ -128,11 +128,20 @@ def _starts(fit: Fit, may_have_more: bool) -> list[Finding]:
 
 
 def _bounds(fit: Fit) -> list[Finding]:
+    entries = fit.problem.parameters.entries
+    positive = [isinstance(entry.parameter.transform, Positive) for entry in entries for _ in entry.columns]
     return [
-        Finding(Kind.BOUND, (name,), f"{name} lies at the {end} end of its range: a bound, not an estimate.")
-        for (name, _, _), end in zip(fit.columns, fit.ends, strict=True)
+        Finding(Kind.BOUND, (name,), f"{name} lies at {_end(end, above_zero)}: a bound, not an estimate.")
+        for (name, _, _), end, above_zero in zip(fit.columns, fit.ends, positive, strict=True)
         if end is not None
     ]
+
+
+def _end(end: str, above_zero: bool) -> str:
+    """An end of a range in words; that of constants above zero has no lower end but zero."""
+    if above_zero and end == "lower":
+        return "zero, with which the data are compatible"
+    return f"the {end} end of its range"
 
 
 def _vanishing(fit: Fit) -> list[Finding]:

@@ -1,6 +1,7 @@
 """`arfjax infer`: what it writes, that it goes on where it was stopped, and what it says of a mistake."""
 
 import csv
+import dataclasses
 import json
 
 import numpy as np
@@ -10,10 +11,13 @@ from arfjax import InputError
 from inverse.commands import infer as command
 from inverse.commands.infer import Across
 from inverse.commands.infer import _sweeps as infer_command_sweeps
+from inverse.commands.infer_report import parameter_rows
 from inverse.commands.main import run
 from inverse.datasets.shipped import shipped
 from inverse.inference.dma import dma_problem
 from inverse.sampling import load_posterior
+from inverse.study import Effort, Sampler, infer
+from tests.inverse.sampling.conjugate import conjugate_problem
 
 POLYMER = str(shipped("pyvisco_polymer"))
 HMI = str(shipped("suomi2016_hmi"))
@@ -157,6 +161,15 @@ def test_what_a_prior_does_not_take_and_attenuation_without_anchors(tmp_path, ca
     assert said in complaint([str(path), *tail], capsys)
     assert run(["calibrate", str(path), "--hmi", HMI, "--out", str(tmp_path / "out")]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_the_level_of_profiles_stands_above_them():
+    effort = Effort(starts=2, level=0.9)
+    study = infer(conjugate_problem(), sampler=Sampler.NONE, effort=effort)
+    header, rows = parameter_rows(study)
+    assert header[4] == "profile, 90 %" and " to " in rows[0][4]
+    header, rows = parameter_rows(dataclasses.replace(study, profiles=()))
+    assert header[4] == "profile" and not rows[0][4]
 
 
 @pytest.mark.slow

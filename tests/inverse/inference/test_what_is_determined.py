@@ -139,6 +139,18 @@ def test_few_starts_that_agree_are_told():
     assert at_most.of(Kind.STARTS)[0].sentence.endswith("a lower one: try another seed.")
 
 
+def test_an_end_of_a_range_is_told():
+    """Of a constant above zero the lower one is zero, which the data then do not rule out."""
+    problem = dma_problem(sweeps_of((2e3, 9e3, 0.08, 0.6)), estimate_noise=False, with_priors=False)
+    found = dataclasses.replace(fit(problem, n_starts=1), ends=("lower", "upper", None, "lower"))
+    said = [each.sentence for each in audit(found).of(Kind.BOUND)]
+    assert [each.split(":")[0] for each in said] == [
+        "relaxed_modulus lies at zero, with which the data are compatible",
+        "branch_modulus lies at the upper end of its range",
+        "fractional_order lies at the lower end of its range",
+    ]
+
+
 def test_of_a_population_the_groups_are_asked_about():
     """Data of one group alone: the other's value is what is not determined, the population and its spread are not."""
     groups = Varying(
