@@ -47,7 +47,7 @@ def _draw_course(axes: Axes, fit: HeatingFit) -> None:
     start, duration = float(fit.heating.start), float(fit.heating.duration)
     error = float(fit.uncertainty.standard_errors[4])
     axes.text(start + 0.5 * duration, top, f"on for {duration:.1f} ± {error:.1f} s", ha="center", va="bottom", size=9)
-    axes.legend(frameon=False, fontsize="small", loc="upper right")
+    axes.legend(frameon=False, fontsize="small", loc="best")
     tidy(axes, x="", y="temperature [°C]")
 
 
@@ -68,4 +68,4 @@ def _draw_residuals(axes: Axes, fit: HeatingFit) -> None:
         size=8,
         color="0.4",
     )
-    tidy(axes, x="time [s]", y="data − fit [K]")
+    tidy(axes, x="time [s]", y="measured − fit [K]")
