@@ -17,11 +17,11 @@ from jaxtyping import Array, Bool, Float, Int
 
 STATUS = (
     "converged",
-    "stopped at the largest number of steps: allow more steps, or look for constants that the data do not fix",
+    "stopped at the largest number of steps: look for constants that the data do not fix",
     "met a value that is not finite: check the data and the bounds",
     "the solver gave up: try other starts or another seed",
 )
-"""What the status of a start means, in words."""
+"""What the status of a start means, in words. Whoever lets a user change the number of steps says so itself."""
 
 _SAME_COST = 1e-6
 _NO_COST = 1e-16
@@ -139,6 +139,11 @@ class Descent:
     costs: tuple[float, ...]
     converged: bool
     message: str
+
+    @property
+    def out_of_steps(self) -> bool:
+        """Whether it was stopped at the largest number of steps."""
+        return self.message == STATUS[1]
 
 
 def descend(

@@ -90,9 +90,11 @@ class Effort:
 
     Attributes:
         starts: Of the fit.
+        most_starts: That may be asked for, or None where there is no limit; a fit at it is not advised to have more.
         draws: Of NUTS, of each of `chains` chains; of the normal approximation, all of them.
         chains: Of NUTS.
         warmup: Steps of NUTS that are not kept.
+        target_acceptance: Of NUTS; higher ones take shorter steps, against divergences.
         most_steps: Of the ensemble, if its rule for stopping is not met before.
         evaluations: Of the density by importance sampling.
         most_evaluations: Of it, while its draws are worth fewer than 400 independent ones.
@@ -102,9 +104,11 @@ class Effort:
     """
 
     starts: int = 16
+    most_starts: int | None = None
     draws: int = 1000
     chains: int = 4
     warmup: int = 500
+    target_acceptance: float = 0.8
     most_steps: int = 20_000
     evaluations: int = 4000
     most_evaluations: int = 20_000
@@ -143,7 +147,9 @@ def infer(
         raise InputError(f"`{bare[0]}` has no prior, so that there is no posterior: give one, or sample nothing.")
     problem = as_arrays(problem)
     if file is not None and file.exists():
-        require_resumable(file, problem, {"sampler": sampler.value, "seed": seed})
+        asked: dict[str, str | int | float] = {"sampler": sampler.value, "seed": seed}
+        asked |= {"target_acceptance": effort.target_acceptance} if sampler is Sampler.NUTS else {}
+        require_resumable(file, problem, asked)
     study = _fitted(problem, seed, effort, on_step)
     if sampler is Sampler.NONE:
         return study
@@ -163,7 +169,8 @@ def _fitted(problem: Problem, seed: int, effort: Effort, on_step: Callable[[str]
     on_step("fit")
     found = fit(problem, n_starts=effort.starts, seed=seed)
     on_step("audit of the fit")
-    looked_at = audit(found)
+    more = effort.most_starts is None or effort.starts < effort.most_starts
+    looked_at = audit(found, may_have_more_starts=more)
     sides: tuple[Profile, ...] = ()
     if effort.with_profiles and problem.parameters.is_plain:
         sides = profiles(found, level=effort.level, on_step=on_step)
@@ -181,8 +188,8 @@ def _sample(
 ) -> Draws:
     if sampler is Sampler.NUTS:
         return sample_nuts(
-            problem, normal, seed=seed, chains=effort.chains, warmup=effort.warmup, draws=effort.draws, file=file,
-            on_step=on_step,
+            problem, normal, seed=seed, chains=effort.chains, warmup=effort.warmup, draws=effort.draws,
+            target_acceptance=effort.target_acceptance, file=file, on_step=on_step,
         )  # fmt: skip
     if sampler is Sampler.EMCEE:
         start = walkers_from_laplace(problem, normal, seed=seed, count=default_walkers(problem), chunk=effort.chunk)

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from inverse.parameters import Parameter
+from inverse.transforms import Positive
 
 LARGEST_LOG_ERROR = 1.0
 """Standard error of a logarithm above which the data do not fix the parameter, not even its power of e."""
@@ -129,7 +130,12 @@ def _not_identified(parameters, values, errors, ends, free) -> dict[str, str]:
     for parameter, value, error, end, unfelt in zip(parameters, values, errors, ends, free, strict=True):
         name = parameter.name
         shown = f"{value:.3g} {parameter.unit}" if parameter.unit != "1" else f"{value:.3g}"
-        if end is not None:
+        if end == "lower" and isinstance(parameter.transform, Positive):
+            sentences[name] = (
+                f"{name} is not fixed by these data: the fit ran to zero, with which they are compatible (it stopped "
+                f"at {shown}, which is as good as none)."
+            )
+        elif end is not None:
             sentences[name] = (
                 f"{name} is not fixed by these data: the fit ran to the {end} end of its range ({shown}), "
                 f"so its value is a bound, not an estimate."

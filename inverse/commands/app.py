@@ -1,8 +1,10 @@
 """The command line's table of contents."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
+from typer.core import TyperGroup
 
 import arfjax
 from inverse.commands.calibrate import calibrate
@@ -22,8 +24,22 @@ from inverse.commands.vary import vary_command
 from inverse.commands.vibrate import vibrate_command
 from inverse.datasets.shipped import shipped, shipped_names
 
+
+class _AsWritten(TyperGroup):
+    """Commands whose help is shown as it is written: rich would take "[degC]" in it for markup, and leave it out."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        for command in self.commands.values():
+            said: list[Any] = [command, *command.params]
+            for each in said:
+                if getattr(each, "help", None):
+                    each.help = escape(each.help)
+
+
 app = typer.Typer(
     name="arfjax",
+    cls=_AsWritten,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

@@ -29,6 +29,7 @@ from inverse.commands.notes import sound_notes
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.figures import draw_calibration
 from inverse.hmi_fit import CalibrationSettings, HmiFit, fit_hmi
+from inverse.least_squares import Descent
 from inverse.output import output_directory, quantity, write_figures, write_summary
 
 
@@ -164,12 +165,18 @@ def _misfit(fit: HmiFit, measured: HmiData) -> tuple[float, float, str]:
     return (before, after, "percent") if measured.in_percent else (1e6 * before, 1e6 * after, "um")
 
 
+def ending(descent: Descent) -> str:
+    """How the optimisation ended, and what to do where it did not converge."""
+    if descent.converged:
+        return f"The optimisation {descent.message}."
+    more = ", or allow more by --max-steps" if descent.out_of_steps else ""
+    return f"THE OPTIMISATION DID NOT CONVERGE: it {descent.message}{more}."
+
+
 def _notes(fit: HmiFit, measured: HmiData, curves: xr.Dataset, settings: Discretisation) -> list[str]:
     before, after, unit = _misfit(fit, measured)
     notes = [
-        f"The optimisation {fit.descent.message}."
-        if fit.descent.converged
-        else f"THE OPTIMISATION DID NOT CONVERGE: it {fit.descent.message}.",
+        ending(fit.descent),
         f"Root-mean-square misfit {before:.3g} {unit} before, {after:.3g} {unit} after; "
         f"the data determine {fit.determined:.1f} of {len(fit.values)} constants.",
     ]

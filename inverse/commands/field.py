@@ -159,7 +159,10 @@ def _rows(data: xr.Dataset) -> list[tuple[str, str]]:
         ),
         ("highest heat deposition", f"{1e-6 * float(hottest):.1f} W/cm3 at z = {1e3 * float(hottest['z']):.2f} mm"),
         ("highest radiation force density", f"{1e-3 * float(data['radiation_force_density'].max()):.1f} kN/m3"),
-        ("the same by 2 alpha I / c", f"{100.0 * told['radiation_force_of_intensity_relative_difference']:+.2f} %"),
+        (
+            "the same by 2 alpha I / c differs by",
+            f"{100.0 * told['radiation_force_of_intensity_relative_difference']:+.2f} %",
+        ),
         (
             "estimated errors (harmonics, radial, axial)",
             ", ".join(f"{told[f'convergence_{name}']:.1e}" for name in ("harmonics", "radial", "axial")),
@@ -207,16 +210,26 @@ def _report(
         "| --- | ---: |",
         *("| " + " | ".join(row) + " |" for row in rows),
         "",
+        *power_lines(described, data),
+        *(f"- {note}" for note in notes[1:]),
+        *(f"![{name}]({name})" for name in figures),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def power_lines(described: Experiment, data: xr.Dataset) -> list[str]:
+    """Lines of the report that say where the power goes."""
+    return [
         "Where the power goes [W]; the first layer is counted from the plane where the march starts.",
         "",
         "| layer | enters | kept back at its front | lost inside | leaves |",
         "| --- | ---: | ---: | ---: | ---: |",
         *_power_rows(described, data),
         "",
-        *(f"- {note}" for note in notes[1:]),
-        *(f"![{name}]({name})" for name in figures),
+        "What is kept back at a front does not get past it: the march reflects at all angles what it would at normal "
+        "incidence, refraction adds to it or makes up for it, and it may be below zero.",
+        "",
     ]
-    return "\n".join(lines) + "\n"
 
 
 def _power_rows(described: Experiment, data: xr.Dataset) -> list[str]:

@@ -78,6 +78,9 @@ def infer_command(
         list[str] | None, typer.Option(help="With --across sonication: a constant that differs; may be repeated.")
     ] = None,
     draws: Annotated[int, typer.Option(help="Draws of each of four chains.", min=50)] = 1000,
+    target_acceptance: Annotated[
+        float | None, typer.Option(help="Of nuts, 0.8 if not given: higher against divergences.", min=0.5, max=0.999)
+    ] = None,
     steps: Annotated[
         int, typer.Option(help="Steps of emcee, or evaluations of importance sampling, at most.", min=100)
     ] = 20_000,
@@ -105,11 +108,15 @@ def infer_command(
         raise InputError("--trust-units and --temperature are of a DMA: leave them out, or give --dma FILE.")
     _check_across(across, varying, experiment, hmi)
     sampler = sampler or (Sampler.NUTS if hmi is None else Sampler.IMPORTANCE)
+    if target_acceptance is not None and sampler is not Sampler.NUTS:
+        raise InputError("--target-acceptance is of nuts: leave it out, or take --sampler nuts.")
     sweeps = [] if dma is None else _sweeps(dma, temperature, across, trust_units, alone=experiment is None)
     starts = starts if hmi is None else min(starts, _MOST_STARTS_OF_HMI)
     effort = Effort(
         starts=starts,
+        most_starts=None if hmi is None else _MOST_STARTS_OF_HMI,
         draws=draws,
+        target_acceptance=target_acceptance or Effort.target_acceptance,
         most_steps=steps,
         most_evaluations=steps,
         with_profiles=profiles,
@@ -149,6 +156,7 @@ def infer_command(
                 "across": across.value,
                 "varying": varying or [],
                 "draws": draws,
+                "target_acceptance": target_acceptance,
                 "steps": steps,
                 "evidence": evidence,
                 "profiles": profiles,

@@ -38,7 +38,9 @@ def write_parameters(path: Path, study: Study) -> None:
 
 def parameter_rows(study: Study) -> tuple[tuple[str, ...], list[list[str]]]:
     """Header and rows of the table on the terminal."""
-    header = ("parameter", "unit", "fit", "±", "profile", "posterior", "±", "5 to 95 %", "R-hat")
+    levels = {f"{100.0 * one.level:g}" for one in study.profiles}
+    profile = f"profile, {levels.pop()} %" if len(levels) == 1 else "profile"
+    header = ("parameter", "unit", "fit", "±", profile, "posterior", "±", "5 to 95 %", "R-hat")
     return header, [
         [
             str(row["parameter"]),

@@ -20,7 +20,7 @@ from arfjax import (
 )
 from arfjax.io import transient_dataset, write_netcdf
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.notes import boiling_notes, sound_notes
+from inverse.commands.notes import WATCHED, assumed_notes, boiling_notes, sound_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _HOTTEST_RESOLVED = 85.0  # degC; what the elements of steady shaking are chosen for
@@ -39,6 +39,7 @@ def monitor_command(
     described = read_experiment(experiment)
     monitoring, mean_power = described.monitoring, float(described.sonicated().drive.acoustic_power)
     model = described.model_at(mean_power / monitoring.mean_force())
+    assumed = assumed_notes(described, *WATCHED, power=mean_power)
     with output_directory(out) as folder:
         with working("watched sonication (the first run compiles)"):
             settings = described.discretised(model, described.sonication.start_temperature_c)
@@ -70,7 +71,7 @@ def monitor_command(
         curves = data.drop_dims(["heat_r", "heat_z", "probe_r", "probe_z"])
         curves.to_dataframe().to_csv(folder / "curves.csv")
         figures = write_figures(folder, {"monitoring": arfjax.figures.draw_monitoring(data)})
-        notes = boiling_notes(result.sonication.boiling_time)
+        notes = assumed + boiling_notes(result.sonication.boiling_time)
         notes += sound_notes(settings, *(phase.relative_power for phase in described.sonication.phases))
         (folder / "report.md").write_text(_report(data, figures, notes), encoding="utf-8")
         write_summary(

@@ -3,7 +3,29 @@
 import math
 from typing import SupportsFloat
 
-from arfjax import Discretisation
+from arfjax import Discretisation, Experiment
+
+WATCHED = ("sonication", "monitoring", "mechanics", "lesion")
+"""Sections that a sonication with its displacement comes from."""
+
+
+def assumed_notes(described: Experiment, *sections: str, power: SupportsFloat = 0.0) -> list[str]:
+    """What was taken in place of those of these sections that the file does not have.
+
+    Args:
+        described: The file.
+        sections: Names of those that a command uses.
+        power: That of the sonication [W].
+    """
+    phases = [f"{one.duration_s:g} s at {one.relative_power * float(power):g} W" for one in described.sonication.phases]
+    assumed = {
+        "sonication": f"{', then '.join(phases)}, from {described.sonication.start_temperature_c:g} degC",
+        "monitoring": described.monitoring.words(),
+        "mechanics": f"that tabulated moduli are Young's, with Poisson's ratio {described.mechanics.poisson_ratio:g}",
+        "lesion": "a lesion as large as 240 equivalent minutes reach, with constants linear from its centre",
+    }
+    missing = [name for name in sections if name not in described.model_fields_set]
+    return [f"the file has no [{name}]: assumed is {assumed[name]}." for name in missing]
 
 
 def boiling_notes(boiling_time: SupportsFloat) -> list[str]:

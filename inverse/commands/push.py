@@ -13,7 +13,7 @@ import arfjax.figures
 from arfjax import Experiment, InputError, WatchSettings, range_notes, read_experiment, simulate_heating, watch_push
 from arfjax.io import push_dataset, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
-from inverse.commands.notes import sound_notes
+from inverse.commands.notes import assumed_notes, sound_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _SHORTEST_WATCH, _LONGEST_WATCH = 0.5, 50.0  # ms
@@ -40,6 +40,7 @@ def push_command(
     Writes push.nc, a figure (PNG and PDF), report.md and summary.json into the folder `out`.
     """
     described = read_experiment(experiment)
+    assumed = assumed_notes(described, "mechanics", "lesion")
     temperature, watch = _checked(described, temperature_c, watch_ms)
     model, protocol = described.model(), described.stepwise()
     with output_directory(out) as folder:
@@ -64,7 +65,7 @@ def push_command(
         write_netcdf(data, folder / "push.nc")
         drawn = arfjax.figures.draw_push(data, model, push_duration=protocol.push_duration)
         figures = write_figures(folder, {"push": drawn})
-        notes = range_notes(model, np.asarray([temperature]), np.asarray([float(result.lesion.length)]))
+        notes = assumed + range_notes(model, np.asarray([temperature]), np.asarray([float(result.lesion.length)]))
         notes += sound_notes(settings, 1.0)
         (folder / "report.md").write_text(_report(described, data, figures, notes), encoding="utf-8")
         write_summary(

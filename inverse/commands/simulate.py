@@ -26,7 +26,7 @@ from arfjax import (
 )
 from arfjax.io import field_dataset, heating_dataset, stepwise_dataset, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
-from inverse.commands.notes import boiling_notes, sound_notes
+from inverse.commands.notes import assumed_notes, boiling_notes, sound_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _FIELD_RADIUS = 20e-3  # m
@@ -42,6 +42,7 @@ def simulate(
     Writes simulation.nc, figures (PNG and PDF), report.md and summary.json into the folder `out`.
     """
     described = read_experiment(experiment)
+    assumed = assumed_notes(described, "mechanics", "lesion")
     model = described.model()
     with output_directory(out) as folder:
         with progress_bar(3) as step:
@@ -72,7 +73,7 @@ def simulate(
                 "displacement": arfjax.figures.draw_displacement(result_dataset(result, described)),
             },
         )
-        notes = range_notes(model, np.asarray(result.temperature), np.asarray(result.lesion_length))
+        notes = assumed + range_notes(model, np.asarray(result.temperature), np.asarray(result.lesion_length))
         course = TemperatureHistory(heating.time, heating.temperature)
         notes += boiling_notes(boiling_time(course, settings.heat_grid))
         notes += sound_notes(settings, float(heating.acoustic_power / model.drive.acoustic_power))

@@ -30,7 +30,7 @@ from arfjax import (
 )
 from arfjax.io import field_dataset, sonication_dataset, write_netcdf
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.notes import boiling_notes, sound_notes
+from inverse.commands.notes import assumed_notes, boiling_notes, sound_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _SHOWN_RADIUS = 8e-3  # m
@@ -49,6 +49,7 @@ def sonicate_command(
     """
     described = read_experiment(experiment)
     model = described.sonicated()
+    assumed = assumed_notes(described, "sonication", power=model.drive.acoustic_power)
     with output_directory(out) as folder:
         with working("sonication (the first run compiles)") as say:
             settings = described.discretised(model, described.sonication.start_temperature_c)
@@ -77,7 +78,7 @@ def sonicate_command(
                 "lesion_on_force": arfjax.figures.draw_lesion_on_force(force, data.isel(heating_time=hottest), model),
             },
         )
-        notes = notes_on(model, described, settings, result)
+        notes = assumed + notes_on(model, described, settings, result)
         notes += sound_notes(settings, *(phase.relative_power for phase in described.sonication.phases))
         rows = _rows(data, result, settings)
         (folder / "report.md").write_text(_report(described, settings, rows, figures, notes), encoding="utf-8")

@@ -16,7 +16,7 @@ from arfjax import AdaptiveSteps, Discretisation, Experiment, FixedSteps, InputE
 from arfjax import TransientProtocol as WatchedSonication
 from arfjax.io import VARIABLES, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
-from inverse.commands.notes import sound_notes
+from inverse.commands.notes import WATCHED, assumed_notes, sound_notes
 from inverse.commands.partial import PartialFile, StoppedEarly
 from inverse.commands.variability_report import HEADER, report, results, rows
 from inverse.figures import draw_bands, draw_sensitivity
@@ -120,6 +120,7 @@ def vary_command(
 
 def _stepwise_task(described: Experiment) -> Task:
     model = described.model()
+    assumed = assumed_notes(described, "mechanics", "lesion")
     settings = described.discretised(model)
     given, reference = described.protocol.temperatures_c, described.protocol.normalised_at_c
     between = np.arange(given[0], given[-1] + 1e-9, _STEP_K)
@@ -134,7 +135,7 @@ def _stepwise_task(described: Experiment) -> Task:
         displacement="displacement",
         temperature_label="temperature of liver and focus",
         chunk=20,
-        notes=tuple(sound_notes(settings)),
+        notes=(*assumed, *sound_notes(settings)),
     )
 
 
@@ -142,6 +143,7 @@ def _transient_task(described: Experiment) -> Task:
     sonication, monitoring = described.sonication, described.monitoring
     mean_power = float(described.sonicated().drive.acoustic_power)
     model = described.model_at(mean_power / monitoring.mean_force())
+    assumed = assumed_notes(described, *WATCHED, power=mean_power)
     start = sonication.start_temperature_c
     reference = start if monitoring.normalised_at_c is None else monitoring.normalised_at_c
     if reference < start:
@@ -170,6 +172,7 @@ def _transient_task(described: Experiment) -> Task:
         temperature_label="temperature that the thermocouple first shows",
         chunk=2,
         notes=(
+            *assumed,
             f"displacement by {monitoring.words()}; elements are those that the central constants need.",
             *sound_notes(settings, *(phase.relative_power for phase in sonication.phases)),
         ),

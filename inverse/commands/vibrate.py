@@ -29,7 +29,7 @@ from arfjax import (
 from arfjax.experiment.mechanics import Mechanics
 from arfjax.io import vibration_dataset, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
-from inverse.commands.notes import sound_notes
+from inverse.commands.notes import assumed_notes, sound_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _LOWEST, _HIGHEST = 5.0, 1000.0  # Hz
@@ -70,6 +70,7 @@ def vibrate_command(
     Writes vibration.nc, a figure (PNG and PDF), report.md and summary.json into the folder `out`.
     """
     described = read_experiment(experiment)
+    assumed = assumed_notes(described, "mechanics", "lesion")
     temperature, course = _checked(described, temperature_c, frequency_hz, modulation, depth, duty_cycle)
     model, protocol = described.model(), described.stepwise()
     with output_directory(out) as folder:
@@ -97,7 +98,7 @@ def vibrate_command(
         }
         write_netcdf(data, folder / "vibration.nc")
         figures = write_figures(folder, {"vibration": arfjax.figures.draw_vibration(data, model)})
-        notes = range_notes(model, np.asarray([temperature]), np.asarray([float(result.lesion.length)]))
+        notes = assumed + range_notes(model, np.asarray([temperature]), np.asarray([float(result.lesion.length)]))
         notes += sound_notes(settings, 1.0) + _notes(described, settings, data)
         (folder / "report.md").write_text(_report(data, figures, notes), encoding="utf-8")
         write_summary(

@@ -8,6 +8,7 @@ import codecs
 import csv
 import dataclasses
 import io
+import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -129,6 +130,8 @@ def unused(headers: Sequence[str]) -> tuple[str, ...]:
 def read_table(path: Path) -> Table:
     """Read a delimited text file: UTF-8, separated by commas, semicolons or tabs, `#` for comments.
 
+    Columns without a name and without a single entry are left out: instruments end each line with a comma.
+
     Raises:
         InputError: if the file is missing, a folder, empty, not text, or its rows differ in length.
     """
@@ -148,6 +151,7 @@ def read_table(path: Path) -> Table:
         cells = [tuple(c.strip() for c in row) for row in csv.reader((t for _, t in lines), delimiter=delimiter)]
     except csv.Error as error:
         refuse(path, f"not readable as CSV ({error}); save the table as CSV.")
+    cells = _without_empty_columns(cells)
     table = Table(path, cells[0], tuple(cells[1:]), tuple(number for number, _ in lines[1:]))
     _check_shape(table, [number for number, _ in lines], len(cells))
     filled = [place for place, row in enumerate(table.rows) if any(row)]
@@ -235,6 +239,14 @@ def _read_text(path: Path) -> str:
     if "\0" in text:
         refuse(path, "is not text (it holds null bytes); save the table as CSV in UTF-8.")
     return io.StringIO(text, newline=None).read()
+
+
+def _without_empty_columns(cells: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """The same without columns of which nothing is written, if all rows are of one length."""
+    if len({len(row) for row in cells}) > 1 or not any(cells[0]):
+        return cells
+    written = [any(column) for column in zip(*cells, strict=True)]
+    return [tuple(itertools.compress(row, written)) for row in cells]
 
 
 def _check_shape(table: Table, lines: list[int], n_parsed: int) -> None:

@@ -205,7 +205,7 @@ def constants_of(found: Diagnosis) -> list[FittedConstant]:
 
 
 def _strength(one: CauseReport) -> str:
-    shape = f", {one.cause.shape_means} {one.shape:.3g}" if one.shape is not None else ""
+    shape = f", {one.cause.shape_means}: here {one.shape:.3g}" if one.shape is not None else ""
     unit = "" if one.cause.unit == "1" else f" {one.cause.unit}"
     beyond = abs(one.estimate) > MOST_IMPLAUSIBLE * one.cause.plausible
     far = f" That is more than {MOST_IMPLAUSIBLE:.0f} times what one would believe ({one.cause.plausible:.3g}{unit})."

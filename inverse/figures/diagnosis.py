@@ -12,7 +12,8 @@ from inverse.diagnosis import CauseReport, Diagnosis
 
 _MOST_CAUSES = 12
 _FACTORS = (100.0, 1e3)
-_LABELS = ("magnitude off by [%]", "phase off by [mrad]")
+LABELS = ("magnitude,\nmeasured − model [%]", "phase,\nmeasured − model [mrad]")
+"""Of axes with what a model leaves of magnitude and phase."""
 
 
 def diagnosis_figure(found: Diagnosis) -> Figure:
@@ -41,7 +42,7 @@ def diagnosis_figure(found: Diagnosis) -> Figure:
             _draw_residuals(axis, problem, _FACTORS[coordinate] * shaped[:, coordinate], scale)
             axis.set_ylim(-limits[coordinate], limits[coordinate])
             if column == 0:
-                axis.set_ylabel(_LABELS[coordinate])
+                axis.set_ylabel(LABELS[coordinate])
         axes[0, column].set_title(title, fontsize=9)
         axes[-1, column].set_xlabel("frequency [Hz]")
     bar = figure.colorbar(ScalarMappable(scale, "viridis"), ax=axes[:, : len(stages)], pad=0.01, aspect=35)

@@ -101,7 +101,7 @@ def _draw_fit(upper: Axes, lower: Axes, fit: SweepFit, kind: str, factor: float,
     frequency = np.geomspace(data.frequency_hz.min() / 1.3, data.frequency_hz.max() * 1.3, 200)
     upper.plot(frequency, _part(fit.modulus(frequency), kind) / factor, linestyle=style, color=colour, linewidth=1.2)
     measured = _measured(fit.sweep, kind)
-    misfit = 100.0 * (_part(fit.modulus(data.frequency_hz), kind) - measured) / data.modulus_magnitude
+    misfit = 100.0 * (measured - _part(fit.modulus(data.frequency_hz), kind)) / data.modulus_magnitude
     lower.plot(
         data.frequency_hz,
         misfit,
@@ -123,7 +123,7 @@ def _dress(upper: Axes, lower: Axes, kind: str, unit: str) -> None:
     upper.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     upper.yaxis.set_minor_formatter(NullFormatter())
     upper.set_ylabel(f"{name} {symbol} [{unit}]")
-    lower.set_ylabel("(fit − data) / $|M|$ [%]")
+    lower.set_ylabel("(measured − fit) / $|M|$ [%]")
     lower.set_xlabel("Frequency [Hz]")
     lower.axhline(0.0, color="0.4", linewidth=0.7, zorder=0)
     lower.set_yscale("symlog", linthresh=1.0, linscale=0.8)

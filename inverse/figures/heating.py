@@ -49,7 +49,7 @@ def _draw_course(axes: Axes, fit: HeatingFit) -> None:
     fixed = "duration" not in fit.uncertainty.not_identified
     on = f"on for {duration:.1f} ± {error:.1f} s" if fixed else f"on for {duration:.1f} s or longer"
     axes.text(start + 0.5 * duration, top, on, ha="center", va="bottom", size=9)
-    axes.legend(frameon=False, fontsize="small", loc="upper right")
+    axes.legend(frameon=False, fontsize="small", loc="best")
     tidy(axes, x="", y="temperature [°C]")
 
 
@@ -70,4 +70,4 @@ def _draw_residuals(axes: Axes, fit: HeatingFit) -> None:
         size=8,
         color="0.4",
     )
-    tidy(axes, x="time [s]", y="data − fit [K]")
+    tidy(axes, x="time [s]", y="measured − fit [K]")

@@ -39,7 +39,7 @@ def hmi_diagnosis_figure(found: Diagnosis) -> Figure:
     for axis in axes[0, : len(stages)]:
         axis.set_ylim(min(bottoms), max(tops))
     axes[0, 0].set_ylabel("displacement [%]\n(100: simulated, coldest)", fontsize=8)
-    axes[1, 0].set_ylabel("measured over\nsimulated [%]", fontsize=8)
+    axes[1, 0].set_ylabel("measured −\nsimulated [%]", fontsize=8)
     axes[0, 0].legend(fontsize=7, frameon=False, title="sonication", title_fontsize=7)
     if found.causes:
         draw_causes(whole_column(figure, axes[:, -1]), found)

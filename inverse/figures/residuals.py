@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from inverse.diagnosis import Diagnosis
 from inverse.diagnosis.dma.problem import DmaProblem
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
+from inverse.figures.diagnosis import LABELS
 
 _MOST_LABELS = 10
 _COUNTED = "(in the file's order)"
@@ -107,7 +108,7 @@ def _of_hmi(problem: HmiDiagnosisProblem) -> _Seen:
     if rows.dose is not None:
         coordinates["thermal dose [min at 43 degC]"] = (np.maximum(rows.dose, _LEAST_DOSE), True)
     coordinates[f"sonication {_COUNTED}"] = (1.0 + rows.sonication, False)
-    quantities = (("measured over simulated [%]", 100.0),)
+    quantities = (("measured − simulated [%]", 100.0),)
     return _Seen(coordinates, rows.sonication, rows.labels, quantities, problem.weights[:, None])
 
 
@@ -117,12 +118,17 @@ def _of_dma(problem: DmaProblem) -> _Seen:
     coordinates = {
         "frequency [Hz]": (np.asarray(conditions.angular_frequency) / (2.0 * np.pi), True),
         "temperature [degC]": (np.asarray(conditions.temperature), False),
-        "time [s, or rows]": (np.asarray(conditions.time), False),
+        f"time [{'rows' if _counts_rows(problem) else 's'}]": (np.asarray(conditions.time), False),
     }
     samples = list(dict.fromkeys(one.sample for one in problem.sweeps))
     if len(samples) > 1:
         of_sweep = np.array([1.0 + samples.index(one.sample) for one in problem.sweeps])
         coordinates[f"sample {_COUNTED}"] = (of_sweep[sweep], False)
-    quantities = (("magnitude off by [%]", 100.0), ("phase off by [mrad]", 1e3))
+    quantities = tuple(zip(LABELS, (100.0, 1e3), strict=True))
     labels = tuple(one.label for one in problem.sweeps)
     return _Seen(coordinates, sweep, labels, quantities[: problem.weights.shape[1]], problem.weights)
+
+
+def _counts_rows(problem: DmaProblem) -> bool:
+    """Whether the file gives no time, as a note of the problem then says."""
+    return any(note.startswith("The file gives no time") for note in problem.notes)

@@ -88,10 +88,16 @@ class Audit:
         return tuple(finding for finding in self.findings if finding.kind is kind)
 
 
-def audit(fit: Fit) -> Audit:
-    """Look at a fit before anything is concluded from it."""
+def audit(fit: Fit, *, may_have_more_starts: bool = True) -> Audit:
+    """Look at a fit before anything is concluded from it.
+
+    Args:
+        fit: From `fit` or `judge`.
+        may_have_more_starts: Whether the reader can ask for more than it had, which is advised where few agree.
+    """
     identification = identify(fit.problem, fit.values)
-    findings = [*_convergence(fit), *_starts(fit), *_bounds(fit), *_vanishing(fit), *_information(identification)]
+    findings = [*_convergence(fit), *_starts(fit, may_have_more_starts), *_bounds(fit), *_vanishing(fit)]
+    findings += _information(identification)
     return Audit(tuple(findings), identification, len(fit.starts.costs), fit.starts.n_agreeing)
 
 
@@ -103,7 +109,7 @@ def _convergence(fit: Fit) -> list[Finding]:
     return [Finding(Kind.CONVERGENCE, (), f"The fit did not converge: {fit.status}.")]
 
 
-def _starts(fit: Fit) -> list[Finding]:
+def _starts(fit: Fit, may_have_more: bool) -> list[Finding]:
     count, agreeing = len(fit.starts.costs), fit.starts.n_agreeing
     if fit.judged:
         return []
@@ -116,17 +122,26 @@ def _starts(fit: Fit) -> list[Finding]:
             Kind.STARTS,
             (),
             f"Only {agreeing} of {count} starts reached this minimum, so that there may be a lower one: "
-            "allow more starts.",
+            f"{'allow more starts' if may_have_more else 'try another seed'}.",
         )
     ]
 
 
 def _bounds(fit: Fit) -> list[Finding]:
+    entries = fit.problem.parameters.entries
+    positive = [isinstance(entry.parameter.transform, Positive) for entry in entries for _ in entry.columns]
     return [
-        Finding(Kind.BOUND, (name,), f"{name} lies at the {end} end of its range: a bound, not an estimate.")
-        for (name, _, _), end in zip(fit.columns, fit.ends, strict=True)
+        Finding(Kind.BOUND, (name,), f"{name} lies at {_end(end, above_zero)}: a bound, not an estimate.")
+        for (name, _, _), end, above_zero in zip(fit.columns, fit.ends, positive, strict=True)
         if end is not None
     ]
+
+
+def _end(end: str, above_zero: bool) -> str:
+    """An end of a range in words; that of constants above zero has no lower end but zero."""
+    if above_zero and end == "lower":
+        return "zero, with which the data are compatible"
+    return f"the {end} end of its range"
 
 
 def _vanishing(fit: Fit) -> list[Finding]:

@@ -231,7 +231,7 @@ def _by_newton(problem: Problem, starts: Float[Array, "start n"], max_steps: int
     lowest = int(np.argmin([each.value for each in ended]))
     left = max_steps - ended[lowest].n_steps
     polished = polish(cost, ended[lowest], max_steps=min(left, NEWTON_STEPS))
-    # Newton's own limit is no limit of the caller's, who would be told in vain to allow more steps.
+    # Newton's own limit is no limit of the caller's, who would be told in vain of one.
     ended[lowest] = dataclasses.replace(polished, out_of_steps=polished.out_of_steps and left <= NEWTON_STEPS)
     return MultiStart(
         np.stack([each.point for each in ended]),

@@ -163,7 +163,8 @@ def _complaints(rows: tuple[Row, ...], draws: Draws) -> list[str]:
     if draws.divergences:
         found.append(
             f"{draws.divergences} of {draws.log_density.size} trajectories diverged: narrow corners of the posterior "
-            "may be missing. Raise `target_acceptance`, or look for a parameter that the data do not determine."
+            "may be missing. Raise `target_acceptance` (`--target-acceptance`), or look for a parameter that the data "
+            "do not determine."
         )
     if not draws.finished and not draws.divergences:
         found.append(f"The sampler did not finish: {draws.message}.")

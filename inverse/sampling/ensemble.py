@@ -295,6 +295,6 @@ def _result(sampler: emcee.EnsembleSampler, looks: _Looks, seed: int, done: int,
 def _unmet(rule: StopRule, said: str) -> str:
     return (
         f"the rule to stop was not met: {said}, asked for are more than {rule.times:g} times, a change below "
-        f"{100.0 * rule.change:g} % and R-hat of at most {rule.r_hat:g}. Raise `most_steps`; "
+        f"{100.0 * rule.change:g} % and R-hat of at most {rule.r_hat:g}. Raise `most_steps` (`--steps`); "
         "with a file, the run goes on where it ended"
     )

@@ -231,10 +231,11 @@ def _result(
     if divergences:
         message += (
             f"; {divergences} trajectories diverged, so that narrow corners of the posterior may be missing: raise "
-            "`target_acceptance`, or look for a parameter that the data do not determine"
+            "`target_acceptance` (`--target-acceptance`), or look for a parameter that the data do not determine"
         )
     if cut:
-        message += f"; {cut} trajectories were cut short at {settings['most_doublings']} doublings: raise them"
+        doublings = settings["most_doublings"]
+        message += f"; {cut} trajectories were cut short at {doublings} doublings, so that draws are worth less"
     return Draws(
         unconstrained=arrays["unconstrained"],
         log_density=arrays["log_density"],

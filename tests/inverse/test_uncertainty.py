@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from inverse.parameters import Parameter
-from inverse.transforms import Identity
+from inverse.transforms import Identity, Positive
 from inverse.uncertainty import assess, delta_method
 
 X = np.linspace(1.0, 2.0, 40)
@@ -45,6 +45,16 @@ def test_what_is_not_fixed_is_said():
     assert list(loose.not_identified) == ["slope"] and "standard error" in loose.not_identified["slope"]
     bound = assess(LINE, residuals, np.array([5.0, 3.0]), PARAMETERS, ends=["lower", None])
     assert "lower end" in bound.not_identified["intercept"] and "bound" in bound.not_identified["intercept"]
+
+
+@pytest.mark.parametrize(
+    ("end", "said"), [("lower", "ran to zero, with which they are compatible"), ("upper", "upper end")]
+)
+def test_a_positive_constant_has_no_lower_end_but_zero(end, said):
+    positive = (Parameter("intercept", "m", Positive()), PARAMETERS[1])
+    residuals = 0.1 * np.random.default_rng(3).normal(size=len(X))
+    found = assess(LINE, residuals, np.array([4.68e-4, 3.0]), positive, ends=[end, None])
+    assert said in found.not_identified["intercept"] and "0.000468 m" in found.not_identified["intercept"]
 
 
 def test_a_free_combination_is_named():

@@ -99,11 +99,12 @@ def test_figure_shows_measurements_and_both_models():
     figure = dma_figure(fit, LogModulus())
     upper, lower = figure.axes
     assert upper.get_ylabel() == "Modulus magnitude $|M|$ [GPa]" and lower.get_xlabel() == "Frequency [Hz]"
+    assert lower.get_ylabel().startswith("(measured − fit) /")
     measured = [line for line in upper.lines if line.get_marker() == "o"]
     np.testing.assert_allclose(measured[0].get_ydata(), sweeps[0].data.modulus_magnitude / 1e9)
     assert len(upper.lines) == len(sweeps) * 3
     solid = [line for line in lower.lines if line.get_linestyle() == "-" and len(line.get_xdata()) > 2]
-    expected = np.abs(fit.fits[-1].modulus(sweeps[-1].data.frequency_hz)) / sweeps[-1].data.modulus_magnitude - 1.0
+    expected = 1.0 - np.abs(fit.fits[-1].modulus(sweeps[-1].data.frequency_hz)) / sweeps[-1].data.modulus_magnitude
     np.testing.assert_allclose(solid[-1].get_ydata(), 100.0 * expected)
 
 

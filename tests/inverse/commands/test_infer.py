@@ -1,19 +1,24 @@
 """`arfjax infer`: what it writes, that it goes on where it was stopped, and what it says of a mistake."""
 
 import csv
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 
+from arfjax import InputError
 from inverse.commands import infer as command
 from inverse.commands.infer import Across
 from inverse.commands.infer import _sweeps as infer_command_sweeps
+from inverse.commands.infer_report import parameter_rows
 from inverse.commands.main import run
 from inverse.datasets.shipped import shipped
 from inverse.inference.dma import dma_problem
 from inverse.inference.experiment import _SCALED
 from inverse.sampling import load_posterior
+from inverse.study import Effort, Sampler, infer
+from tests.inverse.sampling.conjugate import conjugate_problem
 
 POLYMER = str(shipped("pyvisco_polymer"))
 HMI = str(shipped("suomi2016_hmi"))
@@ -38,6 +43,14 @@ def complaint(arguments: list[str], capsys) -> str:
             "`noise` is not one constant of the model",
         ),
         (["--out", "{out}", "--dma", POLYMER, "--sampler", "laplace", "--evidence"], "--evidence needs draws"),
+        (
+            ["--out", "{out}", "--dma", POLYMER, "--sampler", "emcee", "--target-acceptance", "0.9"],
+            "--target-acceptance is of nuts: leave it out, or take --sampler nuts",
+        ),
+        (
+            [EXPERIMENT, "--out", "{out}", "--hmi", HMI, "--target-acceptance", "0.9"],
+            "--target-acceptance is of nuts: leave it out, or take --sampler nuts",
+        ),
         (["--out", "{out}", "--dma", POLYMER], "holds 21 sweeps; choose one by --temperature"),
         (["--out", "{out}", "--dma", POLYMER, "--sampler", "guess"], "Invalid value for '--sampler'"),
         (["--out", "{out}", "--dma", POLYMER, "--temperature", "313"], "are at -49.9 to 100.0 degC; give one of their"),
@@ -123,6 +136,24 @@ def test_si_units_are_no_multiples(unit):
     assert _SCALED.search(unit) is None
 
 
+def test_what_is_asked_for_reaches_the_study(tmp_path, monkeypatch):
+    """With HMI no more than four starts, beyond which none are advised."""
+    asked = []
+
+    def stopped(*_, effort, **__):
+        asked.append(effort)
+        raise InputError("enough")
+
+    monkeypatch.setattr(command, "infer", stopped)
+    monkeypatch.setattr(command, "_problem", lambda *_: (None, {}, None))
+    dma = ["infer", "--dma", POLYMER, "--temperature", "60", "--out", str(tmp_path / "out")]
+    hmi = ["infer", EXPERIMENT, "--hmi", HMI, "--out", str(tmp_path / "out")]
+    for arguments in (dma, [*dma, "--target-acceptance", "0.95"], hmi):
+        assert run(arguments) == 2
+    assert [each.target_acceptance for each in asked] == [0.8, 0.95, 0.8]
+    assert [(each.starts, each.most_starts) for each in asked] == [(16, None), (16, None), (4, 4)]
+
+
 def test_what_a_prior_does_not_take_and_attenuation_without_anchors(tmp_path, capsys):
     text = shipped("suomi2016_experiment").read_text()
     path, tail = tmp_path / "mine.toml", ["--dma", POLYMER, "--temperature", "20", "--out", str(tmp_path / "out")]
@@ -142,6 +173,15 @@ def test_what_a_prior_does_not_take_and_attenuation_without_anchors(tmp_path, ca
     assert said in complaint([str(path), *tail], capsys)
     assert run(["calibrate", str(path), "--hmi", HMI, "--out", str(tmp_path / "out")]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_the_level_of_profiles_stands_above_them():
+    effort = Effort(starts=2, level=0.9)
+    study = infer(conjugate_problem(), sampler=Sampler.NONE, effort=effort)
+    header, rows = parameter_rows(study)
+    assert header[4] == "profile, 90 %" and " to " in rows[0][4]
+    header, rows = parameter_rows(dataclasses.replace(study, profiles=()))
+    assert header[4] == "profile" and not rows[0][4]
 
 
 @pytest.mark.slow

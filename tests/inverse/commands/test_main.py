@@ -1,14 +1,20 @@
 """What the program sets before it begins."""
 
+import inspect
 import os
+import re
 import subprocess
 import sys
+import typing
 from pathlib import Path
 
 import jax
 import pytest
 
 from inverse.commands import main
+from inverse.commands.app import app
+
+_COMMANDS = {each.name or each.callback.__name__: each.callback for each in app.registered_commands}
 
 
 @pytest.mark.parametrize("cores", [1, 2])
@@ -43,3 +49,17 @@ def test_a_value_that_is_empty(arguments, said, capsys):
     assert main.run(arguments) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", sorted(_COMMANDS))
+def test_help_keeps_what_stands_in_brackets(name, capsys, monkeypatch):
+    """Rich takes a bracket that begins with a small letter, such as a unit or a section of a file, for markup."""
+    monkeypatch.setenv("COLUMNS", "400")
+    assert main.run([name, "--help"]) == 0
+    shown = capsys.readouterr().out
+    hints = typing.get_type_hints(_COMMANDS[name], include_extras=True).values()
+    options = [said.help or "" for hint in hints for said in getattr(hint, "__metadata__", ())]
+    for text in (inspect.getdoc(_COMMANDS[name]), *options):
+        for bracket in re.findall(r"\[[^\]]*\]", " ".join(text.split())):
+            assert bracket in shown
+    assert "\\" not in shown and "─ Options" in shown

@@ -1,10 +1,20 @@
 """What commands have to say besides their results."""
 
 import dataclasses
+import importlib
+from pathlib import Path
 
-from arfjax import MarchSettings, discretise, read_experiment
-from inverse.commands.notes import boiling_notes, sound_notes
+import numpy as np
+import pytest
+import xarray as xr
+
+from arfjax import InputError, MarchSettings, discretise, read_experiment
+from inverse.commands.calibrate import ending
+from inverse.commands.field import power_lines
+from inverse.commands.main import run
+from inverse.commands.notes import assumed_notes, boiling_notes, sound_notes
 from inverse.datasets.shipped import shipped
+from inverse.least_squares import descend
 
 
 def test_heat_of_nonlinear_sound_at_another_power():
@@ -18,3 +28,62 @@ def test_heat_of_nonlinear_sound_at_another_power():
 def test_boiling():
     assert boiling_notes(float("nan")) == []
     assert "reaches 100 degC at 2.5 s" in boiling_notes(2.5)[0]
+
+
+def test_more_steps_are_advised_where_they_can_be_had():
+    """By `calibrate` alone; commands without such an option are told what else may help."""
+
+    def residual(u, _):
+        return u**2 - 2.0
+
+    stopped = descend(residual, np.ones(1), max_steps=1)
+    assert stopped.out_of_steps and "steps: look for constants that the data do not fix" in stopped.message
+    assert ending(stopped).endswith("look for constants that the data do not fix, or allow more by --max-steps.")
+    assert ending(descend(residual, np.ones(1))) == "The optimisation converged."
+
+
+def test_power_below_zero_is_explained():
+    """Where refraction into a layer makes up for more than is reflected."""
+    described = read_experiment(shipped("suomi2016_experiment"))
+    names = ("entering_power", "reflected_power", "lost_power", "leaving_power")
+    data = xr.Dataset({name: ("layer", np.array([9.0, -0.283])) for name in names})
+    lines = power_lines(described, data)
+    assert "| 9.000 | 9.000 | 9.000 | 9.000 |" in lines[4] and "| -0.283 |" in lines[5]
+    assert "it may be below zero" in lines[-2]
+
+
+FIVE_LAYERS = Path(__file__).parents[3] / "examples" / "five_layers.toml"
+OF_MOTION = ("mechanics", "lesion")
+
+
+def test_what_is_assumed_in_place_of_a_section_is_said():
+    described = read_experiment(FIVE_LAYERS)
+    sections = ("sonication", "monitoring", *OF_MOTION)
+    sonication, monitoring, mechanics, lesion = assumed_notes(described, *sections, power=50.0)
+    assert sonication == "the file has no [sonication]: assumed is 60 s at 50 W, then 60 s at 0 W, from 37 degC."
+    assert "no [monitoring]: assumed is steady shaking at 50 Hz" in monitoring
+    assert "no [mechanics]: assumed is that tabulated moduli are Young's" in mechanics
+    assert "no [lesion]: assumed is a lesion as large as 240 equivalent minutes reach" in lesion
+    assert (described.mechanics.modulus, described.lesion.size, described.lesion.edge) == ("young", "dose", "linear")
+    assert assumed_notes(read_experiment(shipped("suomi2016_experiment")), *sections, power=50.0) == []
+
+
+@pytest.mark.parametrize(
+    ("command", "sections"),
+    [
+        (["simulate"], OF_MOTION),
+        (["push"], OF_MOTION),
+        (["vibrate"], OF_MOTION),
+        (["vary"], OF_MOTION),
+        (["sonicate"], ("sonication",)),
+        (["monitor"], ("sonication", "monitoring", *OF_MOTION)),
+        (["vary", "--protocol", "transient"], ("sonication", "monitoring", *OF_MOTION)),
+    ],
+)
+def test_every_command_says_what_it_assumes(command, sections, tmp_path, capsys, monkeypatch):
+    def told(described, *names, power=50.0):
+        raise InputError(f"{' '.join(names)} at {float(power):g} W")
+
+    monkeypatch.setattr(importlib.import_module(f"inverse.commands.{command[0]}"), "assumed_notes", told)
+    assert run([*command, str(FIVE_LAYERS), "--out", str(tmp_path / "out")]) == 2
+    assert f"{' '.join(sections)} at 50 W" in capsys.readouterr().err

@@ -89,6 +89,17 @@ def test_semicolons_with_decimal_commas_and_rows_of_nothing(tmp_path):
     np.testing.assert_array_equal(data.storage_modulus, [1200.0, 1500.0, 1900.0])
 
 
+@pytest.mark.parametrize(("before", "behind"), [("", ","), ("", ",,,"), (",", "")])
+def test_columns_of_which_nothing_is_written(tmp_path, before, behind):
+    """As instruments and spreadsheets end each line with a comma."""
+    lines = GOOD.strip().split("\n")
+    data = read_dma(write(tmp_path, "".join(f"{before}{line}{behind}\n" for line in lines)))
+    expected = read_dma(write(tmp_path, GOOD))
+    np.testing.assert_array_equal(data.storage_modulus, expected.storage_modulus)
+    np.testing.assert_array_equal(data.frequency_hz, expected.frequency_hz)
+    assert data.ignored_columns == ()
+
+
 def test_magnitude_deviations_samples_and_time(tmp_path):
     text = (
         "time_min,sample,frequency_hz,temperature_c,modulus_magnitude_kpa,modulus_magnitude_sd_pa\n"
@@ -138,7 +149,11 @@ BAD = {
     "one row": (f"{HEADER}\n1,37,1500,200\n", "only one row"),
     "duplicate header": (f"{HEADER},frequency_hz\n1,37,1500,200,1\n", "occurs twice"),
     "duplicate meaning": (f"{HEADER},freq\n1,37,1500,200,1\n", "means the same as column 'frequency_hz'"),
-    "nameless column": (f"{HEADER},\n1,37,1500,200,\n", "column 5 has no name"),
+    "nameless column": (f"{HEADER},\n1,37,1500,200,\n2,37,1600,200,5\n", "column 5 has no name"),
+    "nameless columns": (",,,\n,,,\n", "column 1 has no name"),
+    "empty column of a ragged file": (f"{HEADER},\n1,37,1500,200,\n2,37,1600,200\n", "column 5 has no name"),
+    "comma behind rows alone": (f"{HEADER}\n1,37,1500,200,\n", "line 2: 5 cells where the header has 4"),
+    "empty column of a name": (f"{HEADER},time_s\n1,37,1500,200,\n2,37,1600,200,\n", "the cell is empty"),
     "unknown unit": ("frequency_hz,Temp (F),E' (Pa),E'' (Pa)\n1,99,1500,200\n", "the unit 'F' is not known"),
     "kelvin": (GOOD.replace("37", "310"), "looks like kelvin"),
     "below zero": (GOOD + "1,-300,1500,200\n", "above absolute zero"),

@@ -23,8 +23,10 @@ from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.choice import find_causes
 from inverse.diagnosis.content import as_json
 from inverse.diagnosis.dma import diagnosis as dma_diagnosis
+from inverse.diagnosis.dma.problem import dma_problem
 from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.report import pairs_in_question, report
+from inverse.figures.diagnosis import LABELS
 from inverse.figures.residuals import residuals_figure
 from inverse.resolution import RESOLUTION, as_measured
 from tests.blind import dma_generator as blind
@@ -444,8 +446,10 @@ def test_what_is_left_is_drawn_against_every_coordinate_with_the_correction_of_n
     assert [axis.get_xlabel() for axis in figure.axes[3:6]] == [
         "frequency [Hz]",
         "temperature [degC]",
-        "time [s, or rows]",
+        "time [s]",
     ]
+    assert [figure.axes[row].get_ylabel() for row in (0, 3)] == list(LABELS)
+    assert all("measured − model" in each for each in LABELS)
     problem, correction = found.problem, found.places[0]
     drawn = {line.get_linestyle(): line for line in figure.axes[0].lines if len(line.get_xdata()) > 2}
     last = np.flatnonzero(np.asarray(problem.conditions.sweep) == len(problem.sweeps) - 1)
@@ -454,6 +458,13 @@ def test_what_is_left_is_drawn_against_every_coordinate_with_the_correction_of_n
     residuals = 100.0 * (found.residuals / problem.weights.ravel()).reshape(problem.weights.shape)[last, 0]
     np.testing.assert_allclose(np.sort(drawn["None"].get_ydata()), np.sort(residuals))
     assert figure.get_suptitle() == f"line: {correction.words}"
+
+
+def test_rows_are_called_rows_where_the_file_gives_no_time(file):
+    found = inverse.diagnose(file, causes=["slip"], gain=False).details
+    timeless = dma_problem(dataclasses.replace(read_dma(file), time_s=None), found.problem.model, n_starts=2)
+    figure = residuals_figure(dataclasses.replace(found, problem=timeless))
+    assert figure.axes[5].get_xlabel() == "time [rows]"
 
 
 def test_of_two_forms_of_the_same_words_the_likelier_is_shown_at_its_place(file):

@@ -1,5 +1,8 @@
 """Identifiability, profiles and audits: known answers, and the paper's own fits."""
 
+import dataclasses
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -126,8 +129,26 @@ def test_a_phase_makes_the_score_whole():
 
 def test_few_starts_that_agree_are_told():
     problem = dma_problem(sweeps_of((2e3, 9e3, 0.08, 0.6)), estimate_noise=False, with_priors=False)
-    lonely = audit(fit(problem, n_starts=1))
+    alone = fit(problem, n_starts=1)
+    lonely = audit(alone)
     assert lonely.of(Kind.STARTS) and not lonely.is_minimum
+    four = jax.tree.map(lambda each: jnp.repeat(jnp.asarray(each), 4, axis=0), alone.starts)
+    apart = dataclasses.replace(alone, starts=dataclasses.replace(four, costs=four.costs + jnp.arange(4.0)))
+    assert audit(apart).of(Kind.STARTS)[0].sentence.endswith("a lower one: allow more starts.")
+    at_most = audit(apart, may_have_more_starts=False)
+    assert at_most.of(Kind.STARTS)[0].sentence.endswith("a lower one: try another seed.")
+
+
+def test_an_end_of_a_range_is_told():
+    """Of a constant above zero the lower one is zero, which the data then do not rule out."""
+    problem = dma_problem(sweeps_of((2e3, 9e3, 0.08, 0.6)), estimate_noise=False, with_priors=False)
+    found = dataclasses.replace(fit(problem, n_starts=1), ends=("lower", "upper", None, "lower"))
+    said = [each.sentence for each in audit(found).of(Kind.BOUND)]
+    assert [each.split(":")[0] for each in said] == [
+        "relaxed_modulus lies at zero, with which the data are compatible",
+        "branch_modulus lies at the upper end of its range",
+        "fractional_order lies at the lower end of its range",
+    ]
 
 
 def test_of_a_population_the_groups_are_asked_about():

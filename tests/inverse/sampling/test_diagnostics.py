@@ -65,6 +65,7 @@ def test_each_threshold_has_its_sentence(problem):
     diverging[2, 7] = True
     one = dataclasses.replace(good, statistics={"diverging": diverging}, finished=False)
     assert diagnose_draws(problem, one).complaints[0].startswith("1 of 4000 trajectories diverged")
+    assert "(`--target-acceptance`)" in diagnose_draws(problem, one).complaints[0]
     stuck = dataclasses.replace(good, unconstrained=np.broadcast_to(good.unconstrained[:, :1], (4, 1000, 3)).copy())
     assert not diagnose_draws(problem, stuck).sound
 

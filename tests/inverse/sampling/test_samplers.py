@@ -198,6 +198,34 @@ def test_a_study_refuses_a_file_of_another_run_before_it_fits(problem, found, tm
             study.infer(problem, sampler=sampler, seed=seed, file=file)
 
 
+def test_a_study_does_as_its_effort_says(problem, monkeypatch):
+    """The acceptance that NUTS aims at, which belongs to a run; and no more starts are advised than can be had."""
+    asked = {}
+
+    def stopped(*_, **settings):
+        asked.update(settings)
+        raise InterruptedError
+
+    effort = study.Effort(starts=2, target_acceptance=0.95, with_profiles=False)
+    monkeypatch.setattr(study, "sample_nuts", stopped)
+    with pytest.raises(InterruptedError):
+        study.infer(problem, seed=5, effort=effort)
+    assert asked["target_acceptance"] == 0.95
+    monkeypatch.setattr(study, "audit", stopped)
+    for most, more in ((None, True), (2, False), (4, True)):
+        with pytest.raises(InterruptedError):
+            study.infer(problem, effort=dataclasses.replace(effort, most_starts=most))
+        assert asked["may_have_more_starts"] is more
+
+
+def test_another_acceptance_is_another_run(problem, found, tmp_path, monkeypatch):
+    file = tmp_path / "run.h5"
+    sample_nuts(problem, found, seed=5, warmup=20, draws=10, chunk=10, file=file)
+    monkeypatch.setattr(study, "fit", None)
+    with pytest.raises(InputError, match="was begun with `target_acceptance` 0.8"):
+        study.infer(problem, seed=5, effort=study.Effort(target_acceptance=0.9), file=file)
+
+
 def _louder(problem):
     measurement = problem.measurements[0]
     noise = type(measurement.noise)(known=2.0 * measurement.noise.known)
