@@ -123,7 +123,7 @@ def _dress(upper: Axes, lower: Axes, kind: str, unit: str) -> None:
     upper.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     upper.yaxis.set_minor_formatter(NullFormatter())
     upper.set_ylabel(f"{name} {symbol} [{unit}]")
-    lower.set_ylabel("(measured − fit) / $|M|$ [%]")
+    lower.set_ylabel("measured − fit\n[% of $|M|$]")
     lower.set_xlabel("Frequency [Hz]")
     lower.axhline(0.0, color="0.4", linewidth=0.7, zorder=0)
     lower.set_yscale("symlog", linthresh=1.0, linscale=0.8)

@@ -99,7 +99,7 @@ def test_figure_shows_measurements_and_both_models():
     figure = dma_figure(fit, LogModulus())
     upper, lower = figure.axes
     assert upper.get_ylabel() == "Modulus magnitude $|M|$ [GPa]" and lower.get_xlabel() == "Frequency [Hz]"
-    assert lower.get_ylabel().startswith("(measured − fit) /")
+    assert lower.get_ylabel().startswith("measured − fit")
     measured = [line for line in upper.lines if line.get_marker() == "o"]
     np.testing.assert_allclose(measured[0].get_ydata(), sweeps[0].data.modulus_magnitude / 1e9)
     assert len(upper.lines) == len(sweeps) * 3

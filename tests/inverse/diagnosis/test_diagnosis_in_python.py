@@ -434,8 +434,9 @@ def test_that_another_seed_may_find_otherwise_is_said_near_the_level(file, p_val
 @pytest.mark.parametrize(("statistic", "near"), [(3.2, True), (-3.2, True), (9.0, False)])
 def test_a_strength_that_is_just_seen_is_said_to_be_probably_too_high(file, statistic, near):
     found = inverse.diagnose(file, causes=["sweep-drift", "slip"], gain=False).details
-    causes = [dataclasses.replace(one, statistic=statistic) for one in found.causes]
+    causes = [dataclasses.replace(one, statistic=statistic, shape=0.25) for one in found.causes]
     text = report(dataclasses.replace(found, causes=tuple(causes)), "these data", [])
+    assert ": here 0.25" in text
     assert ("it is probably overestimated" in text) == near
 
 
