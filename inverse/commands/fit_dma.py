@@ -12,7 +12,7 @@ import xarray as xr
 
 from arfjax import InputError
 from inverse.commands.console import show_lines, show_table, working
-from inverse.datasets.dma import DmaData, group_sweeps, read_dma
+from inverse.datasets.dma import DmaData, read_dma, sweeps_of_file
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL, DmaFit, SweepFit, fit_sweeps, magnitude_only
 from inverse.dma_residuals import LinearModulus, LogModulus, ModulusResidual
 from inverse.figures import dma_figure
@@ -64,7 +64,7 @@ def fit_dma(
     """
     jax.config.update("jax_enable_x64", True)
     measured = read_dma(data, trust_units=trust_units)
-    sweeps = group_sweeps(measured)
+    sweeps = sweeps_of_file(data, measured)
     sweeps = magnitude_only(sweeps) if magnitude else sweeps
     chosen = _RESIDUALS[residuals]
     with output_directory(out) as folder:

@@ -12,7 +12,7 @@ from arfjax import InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.infer_report import evidence_line, parameter_rows, report, results, write_parameters
 from inverse.commands.partial import StoppedEarly
-from inverse.datasets.dma import Sweep, group_sweeps, read_dma
+from inverse.datasets.dma import Sweep, read_dma, sweeps_of_file
 from inverse.datasets.hmi import read_hmi
 from inverse.figures.posterior import (
     Panel,
@@ -182,7 +182,7 @@ def _check_across(across: Across, varying: list[str] | None, experiment: Path | 
 
 
 def _sweeps(path: Path, temperature: float | None, across: Across, trust_units: bool, *, alone: bool) -> list[Sweep]:
-    sweeps = list(group_sweeps(read_dma(path, trust_units=trust_units)))
+    sweeps = list(sweeps_of_file(path, read_dma(path, trust_units=trust_units)))
     if temperature is not None:
         sweeps = _nearest(path, sweeps, temperature, each_sample=across is Across.SAMPLE)
     if across in (Across.SAMPLE, Across.TEMPERATURE) and len(sweeps) < 2:

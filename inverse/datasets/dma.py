@@ -253,6 +253,14 @@ def group_sweeps(data: DmaData) -> tuple[Sweep, ...]:
     return tuple(sweeps)
 
 
+def sweeps_of_file(path: Path, data: DmaData) -> tuple[Sweep, ...]:
+    """`group_sweeps`, with the file that the data are of in what it complains of."""
+    try:
+        return group_sweeps(data)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
 def _require_one_sweep(data: DmaData, sample: str) -> None:
     """Refuse rows of one frequency that no gap divides and that are yet at different temperatures."""
     groups, temperature = frequency_groups(data.frequency_hz), data.temperature_c

@@ -51,6 +51,11 @@ def test_where_nothing_can_be_fitted_nothing_is_written(tmp_path):
     few.write_text("frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa\n1,20,5000,500\n2,20,5100,500\n")
     with pytest.raises(InputError, match=r"few.csv: nothing can be fitted. 20.0 degC: "):
         fit_dma(few, tmp_path / "out")
+    close = tmp_path / "close.csv"
+    rows = [f"{f},{t},5000,500" for t in range(20, 28) for f in (1, 2, 4)]
+    close.write_text("\n".join(["frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa", *rows, ""]))
+    with pytest.raises(InputError, match=r"close.csv: sweeps from 20 to 27 degC cannot be told apart"):
+        fit_dma(close, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
