@@ -120,6 +120,8 @@ from arfjax.model import Lesion as Lesion
 from arfjax.model import Model as Model
 from arfjax.model import TabulatedSize as TabulatedSize
 from arfjax.model import tabulated_size as tabulated_size
+from arfjax.numerics.sparse_direct import limit_factor_memory as limit_factor_memory
+from arfjax.numerics.sparse_direct import release_factors as release_factors
 from arfjax.protocols.discretisation import DISPLACEMENT_ACCURACY as DISPLACEMENT_ACCURACY
 from arfjax.protocols.discretisation import Discretisation as Discretisation
 from arfjax.protocols.discretisation import discretise as discretise

@@ -217,7 +217,7 @@ class FactorStore:
                 raise RuntimeError(
                     f"the factors number {number} of a sparse matrix have been dropped: more were alive at once than "
                     f"{self.limit / 2**30:g} GiB hold. Solve batch members one after the other (`jax.lax.map`; under a "
-                    "gradient each within `jax.checkpoint`), or raise the limit (`limit_factor_memory`)."
+                    "gradient each within `jax.checkpoint`), or raise the limit (`arfjax.limit_factor_memory`)."
                 )
             self._held.move_to_end(number)
             return self._held[number]

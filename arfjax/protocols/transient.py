@@ -217,21 +217,22 @@ def _probed(
         return probe_at(model, protocol.probe, sonication, settings, state)
 
     first = states.at(0)
+    index = jnp.arange(len(time))
 
     def step(carry: tuple, given: tuple) -> tuple[tuple, tuple]:
         asked, known = carry
-        state, is_last = given
+        state, is_end = given
         now = Exposure(state.temperature, state.dose)
-        moved = is_last | (movement(now, asked) > protocol.tolerance)
+        moved = is_end | (movement(now, asked) > protocol.tolerance)
         asked, known = jax.lax.cond(moved, lambda: (now, displacement(state)), lambda: (asked, known))
         return (asked, known), (known, moved)
 
-    start = displacement(first)
-    rest = jax.tree.map(lambda values: values[1:], states)
-    is_last = jnp.arange(1, len(time)) == len(time) - 1
-    _, (maps, moved) = jax.lax.scan(step, (Exposure(first.temperature, first.dose), start), (rest, is_last))
-    computed = jnp.concatenate([jnp.ones(1, bool), moved])
-    return _interpolated(jnp.concatenate([start[None], maps]), computed, time), computed
+    # The start's motion is computed within the scan, too: outside, the way back computes it again before the others',
+    # whose factors then drop its own before they are used.
+    nothing = jnp.zeros_like(jax.eval_shape(displacement, first))
+    at_ends = (index == 0) | (index == len(time) - 1)
+    _, (maps, computed) = jax.lax.scan(step, (Exposure(first.temperature, first.dose), nothing), (states, at_ends))
+    return _interpolated(maps, computed, time), computed
 
 
 def _interpolated(

@@ -33,6 +33,7 @@ from arfjax import (
 )
 from arfjax.laws import Constant
 from arfjax.mechanics.material.lesion import at_gauss_points
+from arfjax.numerics.host_factors import STORE, release_factors
 from arfjax.protocols.probing import on_axis_at
 from arfjax.protocols.stepwise import simulate_heating
 from arfjax.protocols.transient import TissueState, probe_at, solid_of, tissue_states, value_when
@@ -242,6 +243,20 @@ def test_gradient_of_the_course_to_every_kind_of_constant():
 
     constants = dict(zip(names, where(base), strict=True))
     assert_gradient_of_each_leaf(jax.jit(displacement), constants, rtol=1e-5)
+
+
+def test_the_gradient_needs_the_factors_of_one_motion_at_a_time(monkeypatch):
+    """Outside the scan, the motion of the start is computed again too early, and its factors are dropped."""
+    monkeypatch.setattr(STORE, "limit", 1)
+    release_factors()
+    protocol = TransientProtocol(plan(1.0), ShortPush())
+    base = jax.tree.map(jnp.asarray, at_power(MODEL, HOT))
+
+    def displacement(density):
+        model = eqx.tree_at(lambda m: m.path[0].tissue.density.value, base, density)
+        return jnp.sum(1e6 * run_transient(model, protocol, SETTINGS).displacement)
+
+    assert np.isfinite(jax.jit(jax.grad(displacement))(base.path[0].tissue.density.value))
 
 
 @pytest.mark.slow
