@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float, Int
 
 from arfjax import InputError
+from inverse.datasets.copies import said_of_copies
 from inverse.datasets.dma import DmaData, Sweep, group_sweeps
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.dma.cause import DmaConditions, predicted_modulus
@@ -160,7 +161,10 @@ def dma_problem(
     Raises:
         InputError: if there are too few data; see `usable_sweeps`.
     """
-    data, notes = _with_time(data.without_copies())
+    kept = data.without_copies()
+    copies = said_of_copies(kept.n_copies - data.n_copies)
+    data, notes = _with_time(kept)
+    notes = (*copies, *notes)
     needed, sweeps = len(model.constants()), usable_sweeps(data, model)
     fit = fit_sweeps(sweeps, models=(model,), residuals=(_RESIDUAL,), seed=seed, n_starts=n_starts)
     weights, stated = _weights(sweeps)

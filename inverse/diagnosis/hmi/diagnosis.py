@@ -166,7 +166,7 @@ def require_diagnosable(data: HmiData, described: Experiment, name: str = "exper
     Raises:
         InputError: if they cannot.
     """
-    settings = inference_settings(described, name)
+    data, settings = data.without_copies(), inference_settings(described, name)
     rows, protocol = hmi_rows(data, settings.reference_temperature_c), described.stepwise()
     plan_sweeps(data, protocol, settings.reference_temperature_c)
     require_during(data, rows, protocol.duration)

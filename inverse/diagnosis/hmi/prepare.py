@@ -8,6 +8,7 @@ import jax
 import numpy as np
 
 from arfjax import Discretisation, Effort, Experiment, InputError, Model, Shifted, discretise
+from inverse.datasets.copies import said_of_copies
 from inverse.datasets.hmi import HmiData
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows, plan_courses
@@ -156,6 +157,8 @@ def hmi_problem_of(
     """
     reference = settings.reference_temperature_c
     curve = prepared.fast.curve
+    kept = data.without_copies()
+    copies, data = said_of_copies(kept.n_copies - data.n_copies), kept
     rows = hmi_rows(data, reference)
     courses, rows = plan_courses(data, rows, prepared.model, described.stepwise(), curve.settings, reference)
     if program is None:
@@ -164,7 +167,7 @@ def hmi_problem_of(
         )
     else:
         program = program.on(courses)
-    notes = _notes(data, rows, reference)
+    notes = (*copies, *_notes(data, rows, reference))
     if settings.across_sonications:
         differing = ", ".join(settings.across_sonications)
         notes = (

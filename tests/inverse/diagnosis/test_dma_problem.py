@@ -272,3 +272,6 @@ def test_a_row_that_is_written_twice_is_one_reading():
         assert other.without_copies() is other
     problem = dma_problem(data, FRACTIONAL, n_starts=2)
     assert problem.rows == 8
+    # Who left them out has said so already.
+    assert sum("10 rows repeat" in note for note in problem.notes) == 1
+    assert not any("repeat" in note for note in dma_problem(kept, FRACTIONAL, n_starts=2).notes)

@@ -12,6 +12,7 @@ import pytest
 from scipy.integrate import trapezoid
 
 from arfjax import discretise, simulate_heating
+from inverse.datasets.copies import said_of_copies
 from inverse.design.hmi_proposals import THERMOCOUPLE
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
@@ -91,6 +92,14 @@ def test_a_cause_of_one_s_own_does_to_the_curves_what_it_says(prepared, describe
         mine = own.rows.sonication == number
         lost = np.log(1.0 - 0.2 * passed[mine] ** 2)
         np.testing.assert_allclose(change[mine] - change[mine][0], lost - lost[0], atol=1e-6)
+
+
+def test_a_reading_that_is_written_twice_is_one(problem, prepared, described, settings):
+    blank = curves(np.full(len(TEMPERATURES), 100.0))
+    twice = blank.select(np.append(np.arange(len(blank.sonication)), [2, 2]))
+    found = hmi_problem_of(prepared, twice, described, settings, HMI_CAUSES, program=problem.program)
+    assert len(found.rows) == len(problem.rows)
+    assert found.notes == (*said_of_copies(2), *problem.notes)
 
 
 @pytest.mark.parametrize("cause", HMI_CAUSES, ids=lambda cause: cause.name)
