@@ -124,11 +124,11 @@ def draw_predictions(data: Any, measurement: str, panels: Sequence[Panel], *, co
         centre = np.median(panel.shown(means[:, one]), axis=0)
         _draw_bands(upper, panel.x[order], values, centre, panel.shown(observed[one]))
         tidy(upper, x="", y=panel.y_label, title=panel.title)
-        # Bands are mostly too narrow to be seen beside the course of the data.
+        # Bands are mostly too narrow to be seen beside the course of the data: below, all less the median.
         scale, unit = (0.01 * centre, "%") if panel.logarithmic else (1.0, panel.y_label.split("[")[-1].rstrip("]"))
         departures = ((values - centre) / scale, np.zeros_like(centre), (panel.shown(observed[one]) - centre) / scale)
         _draw_bands(lower, panel.x[order], *departures)
-        tidy(lower, x=panel.x_label, y=f"off by [{unit}]")
+        tidy(lower, x=panel.x_label, y=f"Difference [{unit}]")
         for axis in (upper, lower) if panel.frequency else ():
             _frequency_axis(axis)
         upper.tick_params(labelbottom=False)
