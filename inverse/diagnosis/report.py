@@ -27,11 +27,11 @@ _PLACES = 5
 
 
 def once(places: Sequence[Absorbed]) -> list[Absorbed]:
-    """The likeliest; of a coarse and a fine form of the same words the likelier."""
+    """The least likely to be noise, those first that absorb most; of a coarse and a fine form of the same words one."""
     found: dict[str, Absorbed] = {}
     for one in places:
         found.setdefault(one.words, one)
-    return list(found.values())[:_PLACES]
+    return sorted(list(found.values())[:_PLACES], key=lambda one: -one.share)
 
 
 def unexplained(found: Diagnosis) -> str | None:

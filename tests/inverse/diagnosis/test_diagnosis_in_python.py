@@ -468,23 +468,23 @@ def test_rows_are_called_rows_where_the_file_gives_no_time(file):
     assert figure.axes[5].get_xlabel() == "time [rows]"
 
 
-def test_of_two_forms_of_the_same_words_the_likelier_is_shown_at_its_place(file):
-    """Its less likely twin, beyond those that are shown, does not take it away."""
+def test_the_likeliest_places_are_ranked_by_what_they_absorb(file):
+    """Of two forms of the same words the likelier is shown: its twin, beyond those shown, does not take it away."""
     found = inverse.diagnose(file, causes=["slip"], gain=False).details
     places = [
         dataclasses.replace(found.places[0], words=words, share=share)
-        for words, share in [("here", 0.9), ("b", 0.8), ("c", 0.7), ("d", 0.6), ("e", 0.5), ("f", 0.4), ("here", 0.3)]
+        for words, share in [("here", 0.6), ("b", 0.8), ("c", 0.7), ("d", 0.9), ("e", 0.5), ("f", 0.95), ("here", 0.3)]
     ]
     content = as_json(dataclasses.replace(found, places=tuple(places)))
     assert [(one["words"], one["share"]) for one in content["where"]] == [
-        ("here", 0.9),
+        ("d", 0.9),
         ("b", 0.8),
         ("c", 0.7),
-        ("d", 0.6),
+        ("here", 0.6),
         ("e", 0.5),
     ]
     written = report(dataclasses.replace(found, places=tuple(places)), "these data", [])
-    assert "| here | 90 % |" in written and "| e | 50 % |" in written and "| f |" not in written
+    assert "| here | 60 % |" in written and "| e | 50 % |" in written and "| f |" not in written
 
 
 def test_nothing_to_look_for_is_refused(file):
