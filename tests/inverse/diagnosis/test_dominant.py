@@ -1,10 +1,18 @@
 """A cause that explains by far the most is named although something is left; nothing else is."""
 
+import dataclasses
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from inverse.datasets.dma import dma_data
-from inverse.diagnosis import diagnose_dma
+from inverse.diagnosis import DMA_CAUSES, diagnose_dma
+from inverse.diagnosis.decision import decide
+from inverse.diagnosis.diagnosis import _with_dominant
+from inverse.diagnosis.examination import Examined
+from inverse.diagnosis.noise import noise_family, series
+from inverse.diagnosis.screening import Alternative
 from tests.blind import dma_generator as blind
 
 
@@ -41,3 +49,54 @@ def test_an_effect_of_no_name_as_large_as_the_cause_keeps_it_from_being_named():
     """Half of the squares each: the cause explains much, not by far the most."""
     found = diagnosed(522, "instrument-inertia", 25.0, "bump", 25.0)
     assert found.verdict == "unexplained" and found.named == ()
+
+
+COUNT = 60
+AT = np.linspace(0.0, 1.0, COUNT)
+
+
+def examined(refits):
+    """Of three causes none of which was enough; each leaves a part of the squares, if it converged."""
+    causes = DMA_CAUSES[:3]
+    data = np.sin(9.0 * AT) * 3.0 + np.random.default_rng(1).standard_normal(COUNT)
+    effects = [Alternative(one.name, np.sin((9.0 + 3.0 * k) * AT)[:, None]) for k, one in enumerate(causes)]
+    family, fitted = noise_family((series("frequency", [0] * COUNT, AT),), AT)[:1], np.ones((COUNT, 1))
+    decision = decide(data, fitted, effects, [], family, np.random.default_rng(1))
+    tests = {one.name: dataclasses.replace(decision.omnibus) for one in causes}
+    decision = dataclasses.replace(
+        decision, verdict="unexplained", explanations=(), last=decision.omnibus, tests=tests,
+        candidates={one.name: 0.001 for one in causes},
+    )  # fmt: skip
+    shares = {one.name: refit for one, refit in zip(causes, refits, strict=True)}
+
+    def fit(extensions, noise, start, profile):
+        share, converged = shares[extensions[0].cause.name]
+        return SimpleNamespace(residuals=np.sqrt(share) * data, converged=converged)
+
+    return Examined(causes, data, fitted, tuple(effects), (), (), family, decision, fit, ())
+
+
+@pytest.mark.parametrize(
+    ("refits", "named"),
+    [
+        # A quarter of the squares, and half of what the next best leaves, are the most that may be left.
+        ([(0.24, True), (0.50, True), (0.9, True)], 0),
+        ([(0.9, True), (0.50, True), (0.24, True)], 2),
+        ([(0.26, True), (0.90, True), (0.9, True)], None),
+        ([(0.24, True), (0.46, True), (0.9, True)], None),
+        # A refit that did not converge is none: neither the best nor the next best.
+        ([(0.24, True), (0.30, False), (0.9, True)], 0),
+        ([(0.10, False), (0.30, True), (0.9, True)], None),
+    ],
+)
+def test_how_much_has_to_be_explained_and_by_how_much_more_than_by_the_next(refits, named):
+    before = examined(refits)
+    found = _with_dominant(before)
+    assert found.verdict == "unexplained"
+    if named is None:
+        assert found is before.decision and found.named == ()
+    else:
+        name = before.causes[named].name
+        assert found.named == (name,) and found.last is before.decision.tests[name]
+    other = dataclasses.replace(before, decision=dataclasses.replace(before.decision, verdict="adequate"))
+    assert _with_dominant(other) is other.decision
