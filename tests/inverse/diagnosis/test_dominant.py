@@ -8,8 +8,9 @@ import pytest
 
 from inverse.datasets.dma import dma_data
 from inverse.diagnosis import DMA_CAUSES, diagnose_dma
+from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.decision import decide
-from inverse.diagnosis.diagnosis import _with_dominant
+from inverse.diagnosis.diagnosis import _report, _with_dominant
 from inverse.diagnosis.examination import Examined
 from inverse.diagnosis.noise import noise_family, series
 from inverse.diagnosis.screening import Alternative
@@ -100,3 +101,28 @@ def test_how_much_has_to_be_explained_and_by_how_much_more_than_by_the_next(refi
         assert found.named == (name,) and found.last is before.decision.tests[name]
     other = dataclasses.replace(before, decision=dataclasses.replace(before.decision, verdict="adequate"))
     assert _with_dominant(other) is other.decision
+
+
+def test_of_two_that_are_named_together_each_has_its_own_strength_and_interval():
+    """Of the refit with both; of one that was not put in the linearised model has it, within what there can be."""
+    before = examined([(0.5, True)] * 3)
+    first, second, third = before.causes
+    decision = dataclasses.replace(before.decision, explanations=((first.name, second.name),), candidates={})
+    both = SimpleNamespace(
+        extensions=(Extension(second, 0.0), Extension(first, 0.0)), strengths=np.array([2.0, 1.0]),
+        intervals=np.array([[1.5, 2.5], [0.75, 1.25]]), converged=True, residuals=before.residuals,
+        directions=before.fitted,
+    )  # fmt: skip
+    told = {one.name: _report(before, decision, both, one.name, 0.125, False) for one in before.causes}
+    assert (told[first.name].estimate, told[first.name].interval) == (1.0, (0.75, 1.25))
+    assert (told[second.name].estimate, told[second.name].interval) == (2.0, (1.5, 2.5))
+    assert told[first.name].refit is both is told[second.name].refit and told[third.name].refit is None
+    assert [told[one.name].status for one in before.causes] == ["named", "named", "not needed"]
+    # Ordinary least squares beside a level, with Student's t of 58 degrees of freedom.
+    column = np.sin(15.0 * AT) - np.mean(np.sin(15.0 * AT))
+    found = column @ before.residuals / (column @ column)
+    rest = before.residuals - np.mean(before.residuals) - found * column
+    reach = 2.0017 * np.sqrt(rest @ rest / 58.0) / np.linalg.norm(column)
+    assert told[third.name].estimate == pytest.approx(found, rel=1e-9) and third.sign == 0
+    assert told[third.name].interval == pytest.approx((found - reach, found + reach), rel=1e-4)
+    assert told[third.name].detectability == 0.125

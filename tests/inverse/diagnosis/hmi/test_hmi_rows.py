@@ -161,9 +161,9 @@ def test_neighbours_at_one_temperature_are_of_different_sonications(problem):
 
 
 def test_corrections_of_no_name_act_where_their_words_say():
-    """Two sonications of six readings, of which the first and the last are at the same temperatures."""
+    """Two sonications, the first and last readings at the same temperatures, three at the same times."""
     temperature = np.array([37.0, 45.0, 52.0, 58.0, 66.0, 80.0, 37.0, 44.0, 51.0, 59.0, 67.0, 80.0])
-    time, sonication = np.array([0.0, 5, 9, 14, 30, 60, 0, 6, 10, 15, 31, 60]), np.repeat([0, 1], 6)
+    time, sonication = np.array([0.0, 5, 9, 14, 30, 60, 0, 5, 10, 15, 31, 60]), np.repeat([0, 1], 6)
     rows = HmiRows(
         np.zeros(12), sonication, ("x", "y"), temperature, time, np.zeros(12, dtype=bool), None, np.arange(12)
     )

@@ -98,6 +98,12 @@ def test_causes_in_question_alone_do_what_they_do_among_all(problem, prepared):
     # Rounding of logarithms of a percent, some 1e-14, over steps of 1e-3.
     np.testing.assert_allclose(effects, among_all, rtol=1e-6, atol=1e-8 * np.abs(among_all).max())
     assert np.all(np.linalg.norm(among_all[:, :2], axis=0) > 1e-3)
+    # An effect times its strength is what that strength changes.
+    plain = problem.program.predict(fitted.unknowns)
+    for column, extension, strength in zip(among_all.T, extensions, strengths, strict=False):
+        at = fitted.unknowns.copy()
+        at[problem.program.place(extension.cause.name)] = strength / extension.cause.plausible
+        np.testing.assert_allclose(column * strength, problem.program.predict(at) - plain, atol=1e-10)
     # As strong as they are, in noise of 1 % and of what is believed of constants, by generalised least squares; sums of
     # a sonication's readings, which its factor takes, left out.
     slopes = problem.program.penalty_slopes(fitted.unknowns)[:, problem.program.constants]
