@@ -1,9 +1,13 @@
-"""Correlation of neighbouring residuals, counted pair by pair."""
+"""Correlation of neighbouring residuals, counted pair by pair, and corrections of no name in their order."""
 
 import numpy as np
 import pytest
 
-from inverse.diagnosis.where import Axis, whiteness
+from inverse.diagnosis.evidence import evidence
+from inverse.diagnosis.free_forms import Place
+from inverse.diagnosis.noise import noise_family, series
+from inverse.diagnosis.screening import Alternative, Screen
+from inverse.diagnosis.where import Axis, absorbed_by_places, whiteness
 
 COUNT = 120
 KEYS, FITTED = np.repeat([0, 1], COUNT // 2), np.ones((COUNT, 1))
@@ -59,3 +63,22 @@ def test_beliefs_are_not_looked_at_and_a_coordinate_without_neighbours_says_noth
     (found,) = told(np.append(residuals, [50.0, -40.0]), beliefs=2)
     assert found.correlation == pytest.approx(told(residuals)[0].correlation, rel=1e-10)
     assert told(residuals, keys=np.arange(COUNT)) == ()
+
+
+def test_corrections_come_by_how_improbable_they_are_with_what_each_of_them_takes():
+    """A wave that is there before a ripple that is not; what is a cause is no correction of no name."""
+    x = np.linspace(0.0, 1.0, COUNT)
+    columns = {"ripple": np.cos(31.0 * x), "cause": x**2, "wave": np.sin(9.0 * x)}
+    alternatives = [Alternative(name, column[:, None]) for name, column in columns.items()]
+    screen = Screen(FITTED, alternatives, noise_family((series("time", [0] * COUNT, x),), x)[:1])
+    data = columns["wave"] + np.random.default_rng(4).standard_normal(COUNT)
+    tested = evidence(screen, data, np.random.default_rng(5), np.array([True, False, True]), 1.0, 100)
+    found = absorbed_by_places(tested, [Place("ripple", "there"), Place("wave", "here")])
+    assert [one.words for one in found] == ["here", "there"]
+    left = data - np.mean(data)
+    for one, name in zip(found, ("wave", "ripple"), strict=True):
+        column = columns[name] - np.mean(columns[name])
+        taken = column * (column @ left) / (column @ column)
+        assert one.share == pytest.approx(1.0 - np.sum((left - taken) ** 2) / np.sum(left**2), rel=1e-9)
+        np.testing.assert_allclose(one.correction, taken, atol=1e-9)
+        assert one.p_family == tested.p_family[list(columns).index(name)]
