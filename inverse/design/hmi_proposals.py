@@ -15,8 +15,8 @@ _BELOW_COAGULATION = 50.0
 _HOTTER = 8.0
 _HOTTEST = 90.0
 _LEAST_RISE = 5.0
-_LONGEST_PUSH = 20e-3
-"""That an experiment file may have [s]."""
+_PUSHES, _SONICATIONS = (0.01e-3, 20e-3), (0.1, 180.0)
+"""The shortest and the longest of each that an experiment file may have [s]."""
 THERMOCOUPLE, TRACKING = "instruments: thermocouple", "instruments: tracking"
 """Places of causes that another instrument does not have."""
 
@@ -78,12 +78,12 @@ def hmi_proposals(
                            np.linspace(reference, final, readings), immune)  # fmt: skip
 
     usual = protocol.duration
-    found = [
-        one("again", f"one more sonication to {hottest:.0f} degC"),
-        one("slower", f"a sonication to {hottest:.0f} degC in {2.0 * usual:.0f} s instead of {usual:.0f}",
-            duration=2.0 * usual),
-        one("faster", f"a sonication to {hottest:.0f} degC in {0.5 * usual:.0f} s instead of {usual:.0f}",
-            duration=0.5 * usual),
+    found = [one("again", f"one more sonication to {hottest:.0f} degC")]
+    for pace, factor in (("slower", 2.0), ("faster", 0.5)):
+        if _SONICATIONS[0] <= factor * usual <= _SONICATIONS[1]:
+            words = f"a sonication to {hottest:.0f} degC in {factor * usual:.0f} s instead of {usual:.0f}"
+            found.append(one(pace, words, duration=factor * usual))
+    found += [
         *_other_pushes(one, protocol),
         one("mr-thermometry", "one more sonication with magnetic resonance thermometry instead of the thermocouple",
             immune=(THERMOCOUPLE,)),
@@ -107,8 +107,9 @@ def _other_pushes(one: Callable[..., HmiProposal], protocol: StepwiseProtocol) -
     """With pushes of another length, and of another course if that is constant: those have the usual one's impulse."""
     constant, push = protocol.modulation is None, protocol.push_duration
     pushes, usual = "pushes of" if constant else "pushes whose course takes", f"{1e3 * push:.2g}"
-    found = [one("shorter-push", f"{pushes} {0.5e3 * push:.2g} ms instead of {usual}", push_duration=0.5 * push)]
-    if 2.0 * push > _LONGEST_PUSH:
+    words = f"{pushes} {0.5e3 * push:.2g} ms instead of {usual}"
+    found = [one("shorter-push", words, push_duration=0.5 * push)] if 0.5 * push >= _PUSHES[0] else []
+    if 2.0 * push > _PUSHES[1]:
         return found
     twice = f"{pushes} {2e3 * push:.2g} ms"
     found.append(one("longer-push", f"{twice} instead of {usual}", push_duration=2.0 * push))

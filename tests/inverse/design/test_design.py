@@ -3,16 +3,18 @@
 import dataclasses
 import json
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import stats
 
 from arfjax import InputError
 from inverse.commands.main import run
 from inverse.datasets.dma import dma_data, read_dma
-from inverse.design import design_dma, dma_design, report
-from inverse.design.design import Design, alive, reasons
-from inverse.design.dma_information import dma_information
-from inverse.design.dma_proposals import dma_proposals
+from inverse.design import design_dma, dma_design, dma_information, report
+from inverse.design.design import Check, Design, Rated, alive, reasons
+from inverse.design.dma_information import Information
+from inverse.design.dma_proposals import DmaProposal, dma_proposals
 from inverse.design.report import as_json
 from inverse.design.separation import separation
 from inverse.diagnosis import DMA_CAUSES, diagnose_dma
@@ -21,6 +23,7 @@ from inverse.diagnosis.dma.problem import dma_problem
 from inverse.diagnosis.noise import noise_family, series
 from inverse.diagnosis.screening import Alternative, Screen
 from inverse.dma_fit import FRACTIONAL
+from inverse.figures.design import design_figure
 from tests.blind import dma_generator as blind
 from tests.inverse.diagnosis_keys import require_design_keys
 
@@ -187,6 +190,10 @@ def test_what_nothing_can_be_designed_by_is_refused(file, found):
     twice = design_dma(data, found=found, causes=("slip", "slip", "drying"), check=False, locate=False)
     assert twice.now.names == ("slip", "drying") and twice.information is None and twice.notes == ()
     require_design_keys(as_json(twice))
+    # The best first, in noise as it was found in these data, of which the file states no deviation.
+    worst = [one.separation.worst for one in twice.rated]
+    assert worst == sorted(worst, reverse=True) and len(worst) == 6
+    assert found.noise is not None and twice.sizes == pytest.approx((found.noise.size, found.noise.size))
     assert found.decision is not None
     pair = dataclasses.replace(found.decision, explanations=(("slip", "drying"), ("slip", "sweep-drift")))
     with pytest.raises(InputError, match=r"two causes at once \(slip with drying; slip with sweep-drift\)"):
@@ -234,7 +241,7 @@ def test_a_reading_tells_what_the_other_cause_and_the_constants_cannot_imitate(f
     problem, known = found.problem, {one.cause.name: one for one in found.causes}
     extensions = [Extension(known[name].cause, known[name].shape or 0.0) for name in STEADY]
     strengths, size = np.array([known[name].detectability for name in STEADY]), np.array([0.02, 0.03])
-    told = dma_information(problem, extensions, strengths, size)
+    told = dma_information.dma_information(problem, extensions, strengths, size)
     moved = [one.directions[:, 0] for one in problem.directions(extensions)]
     effects = [strength * one for strength, one in zip(strengths, moved, strict=True)]
     expected = []
@@ -270,3 +277,180 @@ def test_magnitude_and_phase_are_rated_and_simulated_with_noise_of_their_own(fil
         == "1 % in the magnitude and 40 mrad in the phase"
     )
     assert report._noise(dataclasses.replace(NOTHING, sizes=(0.02, 0.02))) == "2 %"
+
+
+def test_causes_are_told_apart_as_strong_as_they_are_or_as_would_be_seen(found):
+    """Of the sign that the data give them; of one that cannot be negative that is 1."""
+    given = {
+        "sweep-drift": (-0.5, 0.2, None, "possible"),
+        "frame-resonance": (-0.01, 0.3, 1.75, "named"),
+        "slip": (0.0, 0.4, None, "confusable"),
+        "drying": (0.9, 0.1, None, "not needed"),
+    }
+    reports = {one.cause.name: one for one in found.causes}
+    causes = tuple(
+        dataclasses.replace(reports[name], estimate=estimate, detectability=seen, shape=shape, status=status)
+        for name, (estimate, seen, shape, status) in given.items()
+    )
+    decision = dataclasses.replace(found.decision, explanations=())
+    told = dataclasses.replace(found, causes=causes, decision=decision)
+    extensions, strengths = alive(told, (), DMA_CAUSES)
+    assert [(one.cause.name, one.shape) for one in extensions] == [
+        ("sweep-drift", 0.0), ("frame-resonance", 1.75), ("slip", 0.0),
+    ]  # fmt: skip
+    np.testing.assert_array_equal(strengths, [-0.5, -0.3, 0.4])
+    # Of one alone, and of none, the likeliest others beside it.
+    wanted, (strength, _) = alive(told, ("drying",), DMA_CAUSES)
+    assert [one.cause.name for one in wanted] == ["drying", "sweep-drift"] and strength == 0.9
+    nothing = tuple(dataclasses.replace(one, status="ruled out") for one in causes)
+    likeliest = alive(dataclasses.replace(told, causes=nothing), (), DMA_CAUSES)[0]
+    assert [one.cause.name for one in likeliest] == ["sweep-drift", "frame-resonance"]
+
+
+def measured_again(name, words, seconds, readings):
+    time = np.linspace(100.0, 100.0 + seconds, readings)
+    return DmaProposal(name, words, np.ones(readings), np.full(readings, 20.0), time, "")
+
+
+def apart(angle, d_prime):
+    """Of two causes of one sign at an angle [deg], each of a d'."""
+    turned = np.radians(angle)
+    directions = np.array([[1.0, np.cos(turned)], [0.0, np.sin(turned)], [0.0, 0.0]])
+    return separation(("slip", "drying"), directions, np.array([d_prime, d_prime]), np.zeros((3, 0)), 1.0, (1, 1))
+
+
+def right(angle, d_prime):
+    """Half the distance of both, in standard deviations."""
+    return stats.norm.cdf(d_prime * np.sin(0.5 * np.radians(angle)))
+
+
+def rated(*angles):
+    """Of d' 6 with what there is at 30 degrees."""
+    proposals = [
+        measured_again("again", "the same once more", 600.0, 7),
+        measured_again("other", "something else", 1200.0, 13),
+    ]
+    known = Information(("slip", "drying"), np.array([20.0, 40.0]), np.array([1.0, 10.0, 100.0]),
+                        np.array([[0.1, 0.2, 0.1], [0.3, 0.5, 0.4]]), 40.0, 12.5, 0.7)  # fmt: skip
+    return Design(
+        "confusable", {"slip": 0.25, "drying": 0.125}, apart(30.0, 6.0),
+        tuple(Rated(one, apart(angle, 6.0)) for one, angle in zip(proposals, angles, strict=True)),
+        (Check("slip", "named", ("slip",), ()), Check("drying", "confusable", (), ("slip", "drying"))),
+        (0.02, 0.03), 4, ("a note",), known,
+    )  # fmt: skip
+
+
+def test_what_a_design_says_in_json_is_what_it_found():
+    told = rated(80.0, 50.0)
+    content = as_json(told)
+    require_design_keys(content)
+    json.dumps(content, allow_nan=False)
+    assert content["causes"] == {"slip": 0.25, "drying": 0.125} and content["noise"] == [0.02, 0.03]
+    assert content["now"]["probability_right"] == pytest.approx(right(30.0, 6.0))
+    assert content["now"]["d_prime"] == pytest.approx({"slip": 6.0, "drying": 6.0})
+    assert [(one["name"], one["words"], one["readings"], one["seconds"]) for one in content["proposals"]] == [
+        ("again", "the same once more", 7, 600.0), ("other", "something else", 13, 1200.0),
+    ]  # fmt: skip
+    assert [one["angle_deg"] for one in content["proposals"]] == pytest.approx([80.0, 50.0])
+    assert content["reading"] == {
+        "causes": ["slip", "drying"], "temperature_c": 40.0, "frequency_hz": 12.5, "information_nat": 0.7,
+    }  # fmt: skip
+    assert content["checks"][1] == {
+        "hidden": "drying", "verdict": "confusable", "named": [], "confusable": ["slip", "drying"],
+    }  # fmt: skip
+    short = report.in_short(told)
+    assert short["angle_deg"] == pytest.approx(30.0) and short["causes"] == ["slip", "drying"]
+    assert short["measurement"]["words"] == "the same once more" and short["measurement"]["readings"] == 7
+    assert short["measurement"]["angle_deg"] == pytest.approx(80.0)
+    assert short["measurement"]["probability_right"] == pytest.approx(right(80.0, 6.0))
+    assert report.in_short(dataclasses.replace(told, rated=()))["measurement"] is None
+
+
+def test_what_a_design_says_in_words_is_what_it_found():
+    """Right in 94 of 100 cases at 30 degrees, in more than 99 at 80, in 98 at 40."""
+    now, then = (round(100.0 * right(angle, 6.0)) for angle in (30.0, 40.0))
+    assert (now, then) == (94, 98) and right(80.0, 6.0) > 0.995
+    (words,) = report.in_words(rated(80.0, 40.0))
+    assert "What slip and drying do to these data" in words and "is as little as 30 degrees apart" in words
+    assert "would look likelier in 94 % of cases at least" in words
+    assert (
+        "Of 2 measurements that could be made next, the same once more separates them best: 80 degrees, more" in words
+    )
+    assert "more than 99 %." in words
+    assert "40 degrees, 98 %." in report.in_words(rated(40.0, 35.0))[0]
+    assert (
+        "None of 2 measurements that could be made next separates them better" in report.in_words(rated(29.0, 20.0))[0]
+    )
+    text = report.report(rated(40.0, 35.0), "data.csv", ["design.png"])
+    assert "To be told apart: slip (0.25), drying (0.125)." in text
+    assert "likelier in 94 % of cases at least; with the same once more, in 98 %." in text
+    assert "| nothing more |  | 94 % | 6.0 | 6.0 |" in text and "| the same once more | 7 | 98 % | 6.0 | 6.0 |" in text
+    assert "| slip | named | slip |" in text and "| drying | confusable | slip or drying |" in text
+    assert "noise of 2 % in the magnitude and 30 mrad in the phase" in text and "![design.png](design.png)" in text
+
+
+@pytest.mark.parametrize(("nat", "words"), [(3.1, "no more than one"), (0.7, "5 such or more"), (1e-4, "too many")])
+def test_how_many_readings_make_it_twenty_to_one(nat, words):
+    """Of which the logarithm is 3.0."""
+    told = rated(40.0, 35.0)
+    information = dataclasses.replace(told.information, best=nat)
+    text = report.report(dataclasses.replace(told, information=information), "data.csv")
+    assert "A single reading would tell slip from drying best at 40 degC and 12.5 Hz" in text
+    assert f"favour the true one by {nat:.2g} nat. Twenty to one takes {words}." in text
+
+
+def test_the_figure_has_the_odds_of_every_measurement_by_its_name():
+    told = rated(80.0, 40.0)
+    ratings, information = design_figure(told).axes
+    names = [label.get_text() for label in ratings.get_yticklabels()]
+    odds = dict(zip(names, [bar.get_width() for bar in ratings.patches], strict=True))
+    chances = {"nothing more": right(30.0, 6.0), "again": right(80.0, 6.0), "other": right(40.0, 6.0)}
+    assert odds == pytest.approx({name: np.log10(p / (1.0 - p)) for name, p in chances.items()})
+    # The best on top, each with its chance beside it.
+    assert names == ["nothing more", "other", "again"]
+    assert [text.get_text().strip() for text in ratings.texts] == ["94 %", "98 %", "> 99.9 %"]
+    curves = {line.get_label(): line.get_xydata() for line in information.lines}
+    np.testing.assert_allclose(curves["40 degC"], [[1.0, 0.3], [10.0, 0.5], [100.0, 0.4]])
+    assert [12.5, 0.7] in [line.get_xydata()[0].tolist() for line in information.lines]
+
+
+def test_further_readings_come_at_the_pace_of_those_that_were_taken():
+    """Every ten seconds, with two minutes more to another temperature."""
+    frequency, temperature = np.tile(np.geomspace(0.1, 100.0, 8), 3), np.repeat([20.0, 30.0, 40.0], 8)
+    clock = 10.0 * np.arange(24.0) + 120.0 * np.repeat([0.0, 1.0, 2.0], 8)
+    data = dataclasses.replace(dma_data(frequency, temperature, np.full(24, 1e3)), time_s=clock)
+    proposals = {one.name: one for one in dma_proposals(data)}
+    np.testing.assert_allclose(proposals["again"].time, clock + clock[-1] + 130.0)
+    assert proposals["again"].seconds == clock[-1] and len(proposals["again"]) == 24
+    lower = proposals["lower-frequencies"]
+    assert len(lower) == 3 * 7 and lower.frequency.min() == pytest.approx(0.01)
+    np.testing.assert_allclose(np.diff(np.log10(lower.frequency[:7])), 1.0 / 7.0)
+    assert proposals["higher-frequencies"].frequency.max() == pytest.approx(1e3)
+    assert proposals["between"].words == "sweeps at 25, 35 degC, between those that were measured"
+    timeless = {one.name: one for one in dma_proposals(dataclasses.replace(data, time_s=None))}
+    assert timeless["again"].seconds is None
+
+
+def test_between_temperatures_the_solid_is_between_those_that_were_fitted(file):
+    """Half way the geometric mean of moduli and times, and the mean of the orders; beyond the ends as there."""
+    problem = dma_problem(read_dma(file), FRACTIONAL)
+    temperature = [one.temperature_c for one in problem.sweeps]
+    first, second, last = (problem.constants[place] for place in (0, 1, -1))
+    found = dma_design._constants_at(problem, "", 0.5 * (temperature[0] + temperature[1]))
+    np.testing.assert_allclose(found, [*np.sqrt(first * second)[:3], 0.5 * (first + second)[3]], rtol=1e-9)
+    np.testing.assert_allclose(dma_design._constants_at(problem, "", temperature[-1] + 20.0), last, rtol=1e-12)
+    np.testing.assert_allclose(dma_design._constants_at(problem, "", temperature[1]), second, rtol=1e-12)
+
+
+def test_one_more_reading_is_the_first_of_a_visit_after_all_others(file):
+    """At a temperature that was measured; what it comes from is the one that was measured last."""
+    problem = dma_problem(read_dma(file), FRACTIONAL)
+    was, now = problem.conditions, dma_information._one_more(problem, jnp.asarray(1), jnp.log(jnp.asarray(7.0)))
+    assert len(now.time) == problem.rows + 1 and float(now.angular_frequency[-1]) == pytest.approx(7.0)
+    here = np.asarray(was.sweep) == 1
+    assert float(now.temperature[-1]) in np.asarray(was.temperature)[here]
+    assert float(now.level[-1]) == np.asarray(was.level)[here][0] and int(now.sweep[-1]) == 1
+    last = int(np.argmax(np.asarray(was.time)))
+    assert (float(now.time[-1]), float(now.exposure[-1])) == (float(was.time[last]), float(was.exposure[last]))
+    assert int(now.sweep_before[-1]) == int(was.sweep[last]) == len(problem.sweeps) - 1
+    assert float(now.time_in_sweep[-1]) == 0.0 and int(now.visit[-1]) == int(np.max(was.visit)) + 1

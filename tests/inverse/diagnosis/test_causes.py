@@ -1,7 +1,10 @@
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import stats
 
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
@@ -77,16 +80,39 @@ def test_slope_in_the_strength(problem, extension):
     np.testing.assert_allclose(forward, central, rtol=1e-6, atol=1e-6 * largest)
 
 
-@pytest.mark.parametrize("name", [n for n in blind.EFFECTS if n not in ("frame-resonance", "temperature-lag")])
-def test_direction_is_what_an_independent_code_gives(problem, measured, name):
-    """On the constants of the fit, with sweeps and rows in the package's order; effects with a shape only roughly."""
+def as_the_generator_has_it(problem):
+    """Constants of the fit, and when each row was measured."""
     order = [np.argsort(sweep.data.frequency_hz) for sweep in problem.sweeps]
     clock = np.stack([np.asarray(s.data.time_s)[o] for s, o in zip(problem.sweeps, order, strict=True)])
     constants = np.array(problem.constants)
     constants[:, 1] -= constants[:, 0]
     temperature = np.array([s.temperature_c for s in problem.sweeps])
-    m = blind.Measurement(temperature, problem.sweeps[0].data.frequency_hz, constants, clock)
-    plain, small = blind.solid(constants, m.omega), blind.SCALES.get(name, 1e-4)
+    return blind.Measurement(temperature, problem.sweeps[0].data.frequency_hz, constants, clock)
+
+
+SHAPED = {"frame-resonance": 1.6, "temperature-lag": 0.35, "second-relaxation": 0.55, "poroelastic-drainage": 0.9}
+"""Second parameters as the generator has them, between those that are screened."""
+
+
+@pytest.mark.parametrize("name", SHAPED)
+def test_effect_with_a_second_parameter_is_what_an_independent_code_gives(problem, name):
+    """At a plausible strength, with that parameter: a place counted from the other end of the sweep is another one."""
+    m = as_the_generator_has_it(problem)
+    cause, plain = next(one for one in DMA_CAUSES if one.name == name), blind.solid(m.constants, m.omega)
+    theirs = blind.EFFECTS[name](plain, m, cause.plausible)
+    # Levels as the model has them, not as they were measured.
+    level = np.exp(np.mean(np.log(np.abs(plain)), axis=1))[np.asarray(problem.conditions.sweep)]
+    conditions = dataclasses.replace(problem.conditions, level=jnp.asarray(level))
+    extension, strength = Extension(cause, SHAPED[name]), jnp.array([cause.plausible])
+    ours = predicted_modulus(jnp.asarray(problem.constants), conditions, (extension,), strength)
+    np.testing.assert_allclose(ours, theirs.ravel(), rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", [n for n in blind.EFFECTS if n not in ("frame-resonance", "temperature-lag")])
+def test_direction_is_what_an_independent_code_gives(problem, measured, name):
+    """On the constants of the fit, with sweeps and rows in the package's order; effects with a shape only roughly."""
+    m = as_the_generator_has_it(problem)
+    plain, small = blind.solid(m.constants, m.omega), blind.SCALES.get(name, 1e-4)
     theirs = np.log(blind.EFFECTS[name](plain, m, small) / blind.EFFECTS[name](plain, m, -small)) / (2.0 * small)
     theirs = np.stack([theirs.real.ravel(), theirs.imag.ravel()], axis=-1).ravel()
     ours = [a.directions[:, 0] for a in problem.directions(every_shape(c for c in DMA_CAUSES if c.name == name))]
@@ -129,6 +155,13 @@ def test_a_strength_stays_within_what_it_can_be(tmp_path):
     problem = dma_problem(read_dma(tmp_path / "data.csv"), FRACTIONAL)
     noise = noise_family(problem.orderings(), problem.frequencies())[0]
     free = fit_extended(problem, [Extension(Slip(), 0.0)], noise, np.array([0.1]))
+    # The interval of regression on the derivatives there, which are in plausible strengths.
+    others = independent(free.directions[:, 1:])
+    across = free.directions[:, 0] - others @ (others.T @ free.directions[:, 0])
+    freedom = len(free.residuals) - 1 - others.shape[1]
+    error = Slip.plausible * np.sqrt(np.sum(free.residuals**2) / freedom) / np.linalg.norm(across)
+    reach = stats.t.ppf(0.975, freedom) * error
+    assert free.intervals[0] == pytest.approx(free.strengths[0] + reach * np.array([-1.0, 1.0]), abs=1e-3 * reach)
 
     class Little(Slip):
         largest = 0.5 * float(free.strengths[0])

@@ -7,7 +7,8 @@ import pytest
 from scipy import stats
 
 from arfjax import InputError
-from inverse.diagnosis.decision import NEEDED, Refitted, decide
+from inverse.diagnosis.decision import NEEDED, PAIR_LEVEL, Refitted, decide
+from inverse.diagnosis.diagnosis import _status
 from inverse.diagnosis.evidence import ALLOWANCE, evidence
 from inverse.diagnosis.free_forms import Place
 from inverse.diagnosis.noise import noise_family, series
@@ -394,3 +395,78 @@ def test_a_weaker_second_cause_does_not_hide_the_next():
 
     decide(data, FITTED, causes, [], FAMILY, np.random.default_rng(1), extend=extend)
     assert ["a", "c"] in tried and ["a", "b"] not in tried
+
+
+def two_at_once(t_of_the_rest):
+    """A wave and a step, far above the noise, and a bend that leaves a certain t beside both."""
+    basis = np.linalg.qr(np.column_stack([FITTED, *(one.directions for one in CAUSES)]))[0]
+    noise = np.random.default_rng(6).standard_normal(N)
+    noise -= basis @ (basis.T @ noise)
+    left = t_of_the_rest * np.linalg.norm(noise) / np.sqrt(N - 5)
+    return noise + basis[:, 2:] @ np.array([15.0, 12.0, left])
+
+
+def test_two_causes_at_once_are_named_together():
+    """Neither does alone, and beside both nothing is left."""
+    found = decided(two_at_once(0.5))
+    assert found.verdict == "named" and found.explanations == (("step", "wave"),)
+    assert set(found.named) == {"wave", "step"} and found.confusable == ()
+    assert max(found.candidates.values()) <= SET_LEVEL and found.last.p_value > PAIR_LEVEL
+    # What the pair leaves is what is told of it.
+    assert {one.name for one in found.last.alternatives} == {"bend"}
+
+
+def test_a_pair_explains_only_what_it_leaves_inconspicuous_at_a_level_of_its_own():
+    """A rest of p = 0.04 would do for one cause, which is not one of many that are tried."""
+    residuals = two_at_once(stats.t.isf(0.5 * 0.04, N - 5))
+    both = decide(residuals, np.column_stack([FITTED, *(one.directions for one in CAUSES[:2])]), CAUSES[2:], [],
+                  FAMILY, np.random.default_rng(1))  # fmt: skip
+    assert SET_LEVEL < both.omnibus.p_value < PAIR_LEVEL
+    found = decided(residuals)
+    assert found.verdict == "unexplained" and found.named == () == found.confusable
+
+
+def test_of_causes_that_cannot_be_told_apart_the_rest_of_the_best_fitting_one_is_told():
+    """Half way between two waves, a little nearer to the second one of the list."""
+    waves = [Alternative(name, np.sin(k * POSITION)[:, None]) for name, k in (("slow", 9.0), ("fast", 9.3))]
+    columns = np.concatenate([one.directions for one in waves], axis=1)
+    noise = np.random.default_rng(9).standard_normal(N)
+    basis = np.linalg.qr(np.column_stack([FITTED, columns]))[0]
+    data = noise - basis @ (basis.T @ noise) + 1.2 * columns @ np.array([0.45, 0.55])
+    found = decide(data, FITTED, waves, [], FAMILY, np.random.default_rng(1))
+    assert found.verdict == "confusable" and found.explanations == (("fast",), ("slow",))
+    assert found.named == () and found.confusable == ("fast", "slow") and found.best_fit == "fast"
+    assert found.last is found.tests["fast"]
+
+
+@pytest.mark.parametrize("t", [1.5, 2.5])
+def test_a_p_value_is_the_share_of_data_as_conspicuous_these_data_among_them(t):
+    """Of one alternative, whose own p-values put replicates and data in the order of their t."""
+    basis = np.linalg.qr(np.column_stack([FITTED, CAUSES[0].directions]))[0]
+    noise = np.random.default_rng(3).standard_normal(N)
+    noise -= basis @ (basis.T @ noise)
+    residuals = noise + t * np.linalg.norm(noise) / np.sqrt(N - 3) * basis[:, 2]
+    screen, free = Screen(FITTED, CAUSES[:1], FAMILY), np.zeros(1, dtype=bool)
+    found = evidence(screen, residuals, np.random.default_rng(1), free, 1.0, 200)
+    drawn = screen.replicate(residuals, np.ones(1), 200, np.random.default_rng(1))
+    as_large = np.abs(screen.statistics(drawn).statistic[0]) >= t
+    assert found.p_value == found.p_family[0] == pytest.approx((1.0 + np.sum(as_large)) / 201.0, rel=1e-12)
+    assert 0.0 < np.sum(as_large) < 60.0 and found.least_p == pytest.approx(1.0 / 201.0)
+
+
+def test_what_is_said_of_each_cause():
+    """In every explanation, in some, in none but not ruled out, ruled out, and never put in; in that order."""
+    candidates = {"worse": 0.02, "fits": 0.5, "other": 0.3, "out": 0.009, "lost": 0.001}
+    found = dataclasses.replace(
+        decided(WAVE), candidates=candidates, explanations=(("fits", "other"), ("fits",)), unsettled=("lost",)
+    )
+    assert found.named == ("fits",) and found.confusable == ("other",)
+    assert found.possible == ("fits", "other", "worse", "lost")
+    said = {name: _status(name, found) for name in (*candidates, "never")}
+    assert said == {
+        "fits": "named", "other": "confusable", "worse": "possible", "lost": "possible", "out": "ruled out",
+        "never": "not needed",
+    }  # fmt: skip
+    # Those that were put in by their fits, the others by what speaks for them.
+    assert found.ranked(["bend", "wave", "step"]) == [*candidates, *found.omnibus.ranked(["bend", "wave", "step"])]
+    assert found.omnibus.ranked(["bend", "wave", "step"])[0] == "wave"

@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,14 +10,19 @@ import pytest
 from inverse.datasets.dma import dma_data, read_dma
 from inverse.diagnosis import DMA_CAUSES
 from inverse.diagnosis.cause import Extension, every_shape
+from inverse.diagnosis.dma import diagnosis as dma_diagnosis
 from inverse.diagnosis.dma import examination as dma_examination
 from inverse.diagnosis.dma import extended_fit
 from inverse.diagnosis.dma.account import DmaAccount
 from inverse.diagnosis.dma.diagnosis import repeats_of
-from inverse.diagnosis.dma.extended_fit import fit_extended
+from inverse.diagnosis.dma.extended_fit import ExtendedFit, fit_extended
+from inverse.diagnosis.dma.free_forms import dma_free_forms
 from inverse.diagnosis.dma.gain import held_out_gain
 from inverse.diagnosis.dma.problem import dma_problem
+from inverse.diagnosis.dma.weighing import Weighing
+from inverse.diagnosis.free_forms import COARSE
 from inverse.diagnosis.noise import noise_family
+from inverse.diagnosis.outlying import Outlying
 from inverse.diagnosis.where import Absorbed
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
 from tests.blind import dma_generator as blind
@@ -275,3 +281,175 @@ def test_a_row_that_is_written_twice_is_one_reading():
     # Who left them out has said so already.
     assert sum("10 rows repeat" in note for note in problem.notes) == 1
     assert not any("repeat" in note for note in dma_problem(kept, FRACTIONAL, n_starts=2).notes)
+
+
+@pytest.fixture(scope="module")
+def four_sweeps():
+    """Two temperatures of each of two samples, frequencies in another order than time."""
+    mixed = np.array([3, 0, 5, 1, 4, 2])
+    temperature = np.repeat([20.0, 40.0, 30.0, 50.0], 6)
+    problem = problem_of(temperature, np.tile(FREQUENCY[mixed], 4), np.arange(24.0))
+    # By temperature: 20 and 30 of one sample, 40 and 50 of the other.
+    sweeps = tuple(dataclasses.replace(one, sample="ab"[place // 2]) for place, one in enumerate(problem.sweeps))
+    return dataclasses.replace(problem, sweeps=sweeps)
+
+
+def test_neighbours_of_a_residual_are_of_its_kind_its_sample_and_next_to_it(four_sweeps):
+    """Along frequency and time within a sweep, along temperature at one frequency of one sample."""
+    problem, at = four_sweeps, four_sweeps.conditions
+    place = {
+        "frequency": np.asarray(at.angular_frequency),
+        "temperature": np.asarray(at.temperature),
+        "time": np.asarray(at.time),
+    }
+    sweep, rank = np.asarray(at.sweep), np.round(np.log(place["frequency"]), 6)
+    sample = np.array([problem.sweeps[one].sample for one in sweep])
+    same = {"frequency": sweep, "time": sweep, "temperature": [f"{s} {r}" for s, r in zip(sample, rank, strict=True)]}
+    axes = {one.along: one for one in dma_diagnosis._axes(problem)}
+    assert list(axes) == ["frequency", "temperature", "time"]
+    for along, axis in axes.items():
+        np.testing.assert_array_equal(axis.position, np.repeat(place[along], 2))
+        series = [(key, which) for key in np.asarray(same[along]) for which in (0, 1)]
+        alike = np.array([[one == other for one in series] for other in series])
+        np.testing.assert_array_equal(axis.keys[:, None] == axis.keys[None, :], alike)
+    assert len(np.unique(axes["temperature"].keys)) == 2 * 2 * 6
+
+
+def test_size_of_the_noise_is_told_of_the_coordinate_that_it_is_of(four_sweeps):
+    problem = four_sweeps
+    weighing = Weighing(differs=True, factors=np.array([0.5, 2.0]), p_alike=0.001)
+    told = dma_diagnosis._coordinates(problem, weighing)
+    coordinates = problem.measured.ravel()
+    magnitude = np.concatenate([sweep.data.modulus_magnitude for sweep in problem.sweeps])
+    np.testing.assert_allclose(coordinates[told.which == told.names.index("the magnitude")], np.log(magnitude))
+    assert told.names[1] == "the phase [rad]" and np.ptp(coordinates[told.which == 1]) < np.pi
+    assert told.weighed and told.p_alike == 0.001
+    np.testing.assert_array_equal(told.factors, weighing.factors)
+
+
+def test_a_slip_is_told_with_its_place_in_percent_and_milliradian(four_sweeps, monkeypatch):
+    problem = dataclasses.replace(four_sweeps, weights=np.repeat([[50.0, 20.0]], 24, axis=0))
+    amount = np.array([50.0 * np.log(0.5), 20.0 * 0.03])
+    monkeypatch.setattr(dma_diagnosis, "outlying", lambda *_: ((Outlying(8, amount),), 0.95))
+    (told,) = dma_diagnosis._slips(problem)
+    # The third row of the second sweep by temperature.
+    words = f"{FREQUENCY[2]:.3g} Hz at a, 30.0 degC, of a magnitude -50 % and a phase +30 mrad off what the others say"
+    assert told.startswith(f"One reading holds 95 % of the misfit: {words}")
+
+
+def test_a_fit_says_what_speaks_against_its_numbers(four_sweeps, monkeypatch):
+    problem = four_sweeps
+    monkeypatch.setattr(dma_diagnosis, "_slips", lambda _: ())
+    sure = [
+        dataclasses.replace(
+            fit, n_agreeing=2, uncertainty=dataclasses.replace(fit.uncertainty, not_identified={}, remarks=())
+        )
+        for fit in problem.fits
+    ]
+    assert dma_diagnosis._audit(dataclasses.replace(problem, fits=tuple(sure))) == ()
+    alone = dataclasses.replace(sure[0], n_agreeing=1, n_starts=16)
+    lost = dataclasses.replace(sure[1], converged=False, status="too many steps")
+    loose = dataclasses.replace(
+        sure[2], uncertainty=dataclasses.replace(sure[2].uncertainty, remarks=("it is loose.",))
+    )
+    labels = [fit.sweep.label for fit in problem.fits]
+    assert dma_diagnosis._audit(dataclasses.replace(problem, fits=(alone, lost, loose, sure[3]))) == (
+        f"{labels[0]}: only one of 16 starts reached the best fit.",
+        f"{labels[1]}: too many steps.",
+        f"{labels[2]}: it is loose.",
+    )
+
+
+def test_what_a_cause_makes_of_the_solid_is_told_of_its_constants(four_sweeps):
+    """An order that is none of the conventional solid, and what it is with the cause in the model."""
+    problem = dataclasses.replace(four_sweeps, model=CONVENTIONAL)
+    constants = np.array(problem.constants)
+    constants[:, 3] = 1.0
+    causes = {one.name: one for one in DMA_CAUSES}
+
+    def told(name, strength):
+        extended = ExtendedFit(
+            (Extension(causes[name], 0.0),), np.array([strength]), np.zeros((1, 2)), constants * [1.1, 1.1, 1.1, 1.0],
+            np.zeros(48), np.zeros((48, 1)), (), 0.0, True, "",
+        )  # fmt: skip
+        return DmaAccount(problem, constants).constants(extended)
+
+    orders = [one for one in told("power-law-relaxation", 0.3) if one.name == "alpha"]
+    assert [one.of for one in orders] == [sweep.label for sweep in problem.sweeps]
+    assert all((one.without, one.with_causes) == (1.0, pytest.approx(0.7)) for one in orders)
+    kept = told("sweep-drift", 0.1)
+    assert [one.name for one in kept] == ["M_0", "M_inf", "tau"] * 4
+    np.testing.assert_allclose([one.with_causes / one.without for one in kept], 1.1)
+
+
+def test_constants_without_a_cause_are_told_as_they_were_tested(four_sweeps, monkeypatch):
+    """In the likeliest noise, not those of the first fit."""
+    problem, asked = four_sweeps, []
+    constants = 1.5 * problem.constants
+    weighing = Weighing(differs=False, factors=np.ones(2), p_alike=0.5)
+    examined = SimpleNamespace(problem=problem, constants=constants, remarks=("a remark",), weighing=weighing)
+    monkeypatch.setattr(dma_diagnosis, "dma_problem", lambda *_, **__: problem)
+    monkeypatch.setattr(dma_diagnosis, "examine_dma", lambda *_, **__: examined)
+
+    def concluded(given, account, *_, **named):
+        asked.append((given, account, named))
+        raise InterruptedError
+
+    monkeypatch.setattr(dma_diagnosis, "conclude", concluded)
+    data = dma_data(np.ones(3), np.full(3, 20.0), np.ones(3))
+    with pytest.raises(InterruptedError):
+        dma_diagnosis.diagnose_dma(data, level=0.01, seed=4)
+    ((given, account, named),) = asked
+    assert given is examined and account.null is constants and "a remark" in named["audit"]
+    assert (named["level"], named["seed"], named["replicates"]) == (0.01, 4, 2000)
+
+
+def test_levels_are_geometric_means_of_sweeps_and_ends_are_those_of_all_rows(four_sweeps):
+    problem = four_sweeps
+    at = problem.conditions
+    sizes = np.concatenate([sweep.data.modulus_magnitude for sweep in problem.sweeps])
+    for number, sweep in enumerate(problem.sweeps):
+        mean = np.prod(sweep.data.modulus_magnitude) ** (1.0 / 6.0)
+        np.testing.assert_allclose(np.asarray(at.level)[np.asarray(at.sweep) == number], mean)
+    assert (float(at.softest), float(at.stiffest)) == (sizes.min(), sizes.max())
+    assert (float(at.lowest), float(at.highest)) == pytest.approx((0.2 * np.pi, 200.0 * np.pi))
+
+
+def test_corrections_of_no_name_act_where_their_words_say():
+    """Three sweeps of magnitude and phase; the modulus falls to a half and a quarter from one to the next."""
+    frequency, sweep = np.repeat(np.tile(FREQUENCY, 3), 2), np.repeat([0, 1, 2], 12)
+    temperature, coordinate = np.array([20.0, 40.0, 60.0])[sweep], np.tile([0, 1], 18)
+    one = blind.solid(np.array([[1e3, 2e3, 0.01, 0.5]]), 2.0 * np.pi * frequency)[0]
+    times = np.tile(np.repeat(np.linspace(0.0, 1.0, 6), 2), 3), np.repeat([0.1, 0.4, 1.0], 12)
+    found, places = dma_free_forms(
+        frequency, temperature, sweep, coordinate, ("cold", "warm", "hot"), one / 2.0**sweep, times
+    )
+    forms = {each.name: each.directions for each in found}
+    words = {place.name: place.words for place in places}
+    assert len(forms) == len(found) and list(forms) == list(words)
+    for number, label in enumerate(("cold", "warm", "hot")):
+        own = forms[f"sweep-{number}-{COARSE:g}"]
+        assert words[f"sweep-{number}-{COARSE:g}"] == f"in the sweep {label} alone"
+        assert not np.any(own[sweep != number]) and np.all(np.any(own[sweep == number] != 0.0, axis=1))
+    alike, trend = forms[f"smooth-{COARSE:g}"], forms[f"trend-{COARSE:g}"]
+    np.testing.assert_array_equal(alike[sweep == 0], alike[sweep == 2])
+    np.testing.assert_allclose(trend, np.array([-1.0, 0.0, 1.0])[sweep][:, None] * alike, atol=1e-12)
+    for which, quantity in enumerate(("magnitude", "phase")):
+        name = f"line-{FREQUENCY[2]:.4g}-{quantity}"
+        expected = np.isclose(frequency, FREQUENCY[2]) & (coordinate == which)
+        np.testing.assert_array_equal(forms[name][:, 0], expected.astype(float))
+        assert words[name] == f"in the {quantity} at {FREQUENCY[2]:.3g} Hz in all sweeps"
+    # Along times of the visit and of the drying: the same where these are the same, whatever the frequency.
+    for name, time in (("time-in-visit", times[0]), ("time-of-drying", times[1])):
+        for value in np.unique(time):
+            rows = forms[name][(time == value) & (coordinate == 0)]
+            assert np.all(rows == rows[0])
+        first, last = (forms[name][np.flatnonzero(time == end)[0]] for end in (time.min(), time.max()))
+        assert np.max(np.abs(first - last)) > 0.1
+    # A stiffness that is added changes the softest most, a force the stiffest.
+    for name, factor in (("added-smooth", 2.0), ("force-smooth", 0.5), ("factor-power", 1.0)):
+        np.testing.assert_allclose(forms[name][sweep == 1], factor * forms[name][sweep == 0], atol=1e-12)
+    # A stiffness in phase with the strain, in proportion to frequency, over the modulus: real part and imaginary part.
+    added, part = forms["added-power"][:, 0], frequency / (one / 2.0**sweep)
+    expected = np.where(coordinate == 0, part.real, part.imag)
+    np.testing.assert_allclose(added, expected * added[0] / expected[0], rtol=1e-9)

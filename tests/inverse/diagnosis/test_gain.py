@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from inverse.datasets.dma import read_dma
 from inverse.diagnosis import DMA_CAUSES
@@ -11,10 +12,11 @@ from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.dma import gain as gain_module
 from inverse.diagnosis.dma import problem as dma_problem_module
 from inverse.diagnosis.dma.diagnosis import repeats_of
-from inverse.diagnosis.dma.gain import _Fold, _folds, held_out_gain, sample_groups, temperature_groups
-from inverse.diagnosis.dma.problem import dma_problem
-from inverse.diagnosis.gain import root_mean_square
-from inverse.diagnosis.noise import noise_family
+from inverse.diagnosis.dma.extended_fit import Refit
+from inverse.diagnosis.dma.gain import _Fold, _folds, _score, held_out_gain, sample_groups, temperature_groups
+from inverse.diagnosis.dma.problem import DmaProblem, dma_problem
+from inverse.diagnosis.gain import root_mean_square, summed_up
+from inverse.diagnosis.noise import Noise, noise_family, series
 from inverse.dma_fit import FRACTIONAL
 from tests.blind import dma_generator as blind
 
@@ -73,6 +75,44 @@ def test_gain_of_the_hidden_cause_and_none_of_one_that_is_not_there(drifting):
     assert gain is not None and gain.log_score_gain > 0.0 and gain.unfinished == 0
     assert gain.rmse_after < gain.rmse_before
     assert gain.rmse_after == pytest.approx(blind.NOISE, rel=0.6)
+
+
+def test_scores_of_folds_are_summed_up_by_hand():
+    """Three folds of 2, 2 and 4 data, the first two of one group: 4 nat on 8 data, by groups 1 and 0 on each."""
+    before = [(np.full(2, 0.1), -3.0), (np.full(2, -0.1), 1.0), (np.full(4, 0.1), 2.0)]
+    after = [(np.full(2, 0.02), 0.0), (np.full(2, -0.02), 2.0), (np.array([0.04, -0.04, 0.04, 0.04]), 2.0)]
+    found = summed_up("by halves", before, after, [7, 7, 9], 2)
+    assert (found.split, found.unfinished) == ("by halves", 2)
+    assert found.log_score_gain == pytest.approx(4.0 / 8.0)
+    # Of two numbers, 1 and 0, the deviation is 1 / sqrt(2), and that of their mean a half.
+    assert found.standard_error == pytest.approx(0.5)
+    assert found.rmse_before == pytest.approx(0.1) and found.rmse_before_error == pytest.approx(0.0, abs=1e-12)
+    assert found.rmse_after == pytest.approx(np.sqrt(0.5 * (0.02**2 + 0.04**2)))
+    # Squares of the groups differ by 12e-4; half of that is the error of their mean, over twice the root.
+    assert found.rmse_after_error == pytest.approx(0.5 * 12e-4 / (2.0 * found.rmse_after))
+
+
+def bare(kind, **fields):
+    made = object.__new__(kind)
+    for name, value in fields.items():
+        object.__setattr__(made, name, value)
+    return made
+
+
+def test_score_is_the_normal_density_of_what_was_left_out_by_the_noise_of_what_was_fitted():
+    """Five rows of magnitude and phase, the last row scored; in noise three times louder from the fourth row on."""
+    weights = np.repeat([[10.0, 5.0]], 5, axis=0)
+    plain = np.array([0.3, -0.2, 0.5, 0.1, -0.4, 0.2, 0.9, -0.6, 1.2, -0.3])
+    louder = np.where(np.arange(10) < 6, 1.0, 3.0)
+    noise = Noise(0.0, series("frequency", [0] * 10, np.arange(10.0)), np.log(louder), -2.5, 3.0, 3.5)
+    problem = bare(DmaProblem, weights=weights)
+    refit = bare(Refit, problem=problem, plain=lambda unknowns: plain + unknowns[0], _moved=np.arange(3))
+    last = np.arange(5) == 4
+    relative, density = _score(refit, noise, np.zeros(1), _Fold(last, ~last, ~last, 0.0))
+    # Eight numbers were fitted by three.
+    size = np.sqrt(np.sum((plain[:8] / louder[:8]) ** 2) / 5.0)
+    assert density == pytest.approx(np.sum(stats.norm.logpdf(plain[8:], scale=3.0 * size)))
+    np.testing.assert_allclose(relative, plain[8:] / [10.0, 5.0])
 
 
 def test_error_of_a_root_mean_square_is_that_of_its_scatter():

@@ -51,6 +51,20 @@ def test_first_member_is_white_and_costs_nothing(family):
     assert "times larger above" in " ".join(n.describe() for n in family)
 
 
+def test_a_step_is_told_from_the_side_that_is_louder(family):
+    """As large as it is, at a place between the data on both sides of it."""
+    order = series("frequency", KEYS, POSITIONS)
+    told = [Noise(0.0, order, np.zeros(6), -2.5, step, 57.31, "Hz").describe() for step in (3.0, 1.0 / 3.0)]
+    assert told == ["3 times larger above 57.3 Hz", "3 times larger below 57.3 Hz"]
+    both = Noise(0.6, order, np.zeros(6), -4.0, 1.0 / 1.7, 57.31, "Hz").describe()
+    assert both == "1.7 times larger below 57.3 Hz, correlated by 0.6 between neighbours along frequency"
+    steps = [one for one in family if one.step != 1.0]
+    assert steps
+    for one in steps:
+        above, deviation = COORDINATE > one.place, np.exp(one.log_deviation)
+        np.testing.assert_allclose(deviation[above] / np.mean(deviation[~above]), one.step)
+
+
 def test_neighbours_are_within_a_series_and_in_order():
     np.testing.assert_array_equal(series("frequency", KEYS, POSITIONS).previous, [2, -1, 1, 0, 5, -1])
 

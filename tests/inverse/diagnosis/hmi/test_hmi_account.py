@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from inverse.diagnosis.hmi import account
+from inverse.diagnosis.hmi import diagnosis as hmi_diagnosis
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.examination import noise_size
 from inverse.diagnosis.hmi.features import Curve, mismatches
+from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.refit import fit_hmi
+from inverse.diagnosis.outlying import Outlying
 from tests.inverse.diagnosis.hmi.cases import measured_with, white
 
 TEMPERATURE = np.array([37.0, 45.0, 59.0, 70.0, 84.0])
@@ -88,3 +91,57 @@ def test_a_peak_at_another_temperature_is_told_with_what_takes_it_there():
     # 7 points of the one and 4 of the other are lost between the two readings, 11.3 are two deviations of 4 %.
     assert any("the peak is at" in one for one in mismatches([measured], [simulated], {}, size=0.0386))
     assert not any("the peak is at" in one for one in mismatches([measured], [simulated], {}, size=0.0388))
+
+
+def bare(kind, **fields):
+    made = object.__new__(kind)
+    for name, value in fields.items():
+        object.__setattr__(made, name, value)
+    return made
+
+
+def test_a_slip_is_told_with_its_temperature_and_sonication_in_percent(problem, monkeypatch):
+    """By weights of the file; what is believed of constants is no reading."""
+    count, asked = len(problem.rows), []
+    rows = dataclasses.replace(problem.rows, deviation=np.full(count, 0.02))
+    stated = dataclasses.replace(problem, rows=rows)
+
+    def found(residuals, directions, reading):
+        asked.append(reading)
+        return (Outlying(15, np.array([np.log(0.9) / 0.02])), Outlying(2, np.array([np.log(1.2) / 0.02]))), 0.93
+
+    monkeypatch.setattr(hmi_diagnosis, "outlying", found)
+    null = bare(HmiFit, problem=stated, residuals=np.zeros(count + 2), directions=np.zeros((count + 2, 1)))
+    (told,) = hmi_diagnosis._slips(null)
+    cold, hot = (f"{problem.rows.temperature[row]:.3g} degC in sonication" for row in (15, 2))
+    assert told.startswith(f"2 readings together hold 93 % of the misfit: {cold} 2, -10 % off what the others say; ")
+    assert f"{hot} 1, +20 % off what the others say." in told
+    np.testing.assert_array_equal(asked[0], [*range(count), -1, -1])
+
+
+def test_a_fit_says_what_came_out_far_what_it_does_not_see_and_where_the_mesh_is_wrong(problem, monkeypatch):
+    """Three standard deviations from what was believed are far, two are not."""
+    monkeypatch.setattr(hmi_diagnosis, "_slips", lambda _: ())
+    program, count = problem.program, len(problem.rows)
+    slopes = program.penalty_slopes(program.null())[:, program.constants]
+    # Constants of which something is believed by themselves; anchors of one curve go together.
+    alone = [place for place in range(slopes.shape[1]) if np.sum(np.abs(slopes[:, place]) > 1e-9) == 1]
+    far, near = alone[:2]
+    beliefs = [program.names_of_beliefs[int(np.argmax(np.abs(slopes[:, place])))] for place in (far, near)]
+    unknowns = program.null()
+    unknowns[program.constants[[far, near]]] += np.array([3.0, -2.0]) * program.spreads[[far, near]]
+    directions = np.ones((count + program.n_beliefs, slopes.shape[1] + 2))
+    directions[:count, 1] = 1e-4
+    trust = np.where(np.arange(count) == 20, 0.5, 0.95)
+    fit = bare(HmiFit, problem=problem, unknowns=unknowns, directions=directions, left=float("nan"))
+    name = program.parameters.names[1]
+    said = hmi_diagnosis.fit_remarks(fit)
+    assert [one for one in said if "believed of it" in one] == [
+        f"{beliefs[0]} comes out 3.0 standard deviations from what was believed of it."
+    ]
+    assert f"These data hardly see {name}: what was believed of them stands." in said and len(said) == 2
+    coarse = bare(HmiFit, problem=dataclasses.replace(problem, trust=trust), unknowns=program.null(),
+                  directions=np.ones_like(directions), left=float("nan"))  # fmt: skip
+    (mesh,) = hmi_diagnosis.fit_remarks(coarse)
+    assert f"most of all at {problem.rows.temperature[20]:.0f} degC in sonication 2: 1 readings weigh less" in mesh
+    assert "that one 0.50 of what its noise alone would give it" in mesh

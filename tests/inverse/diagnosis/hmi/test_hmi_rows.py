@@ -8,9 +8,9 @@ import pytest
 from arfjax import InputError, discretise
 from inverse.datasets.hmi import read_hmi
 from inverse.diagnosis.hmi.account import HmiAccount
-from inverse.diagnosis.hmi.courses import hmi_rows, plan_courses, require_during
+from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows, plan_courses, require_during
 from inverse.diagnosis.hmi.diagnosis import _axes
-from inverse.diagnosis.hmi.free_forms import _shared, _taken_at
+from inverse.diagnosis.hmi.free_forms import _shared, _taken_at, hmi_free_forms
 from inverse.diagnosis.hmi.prepare import _notes
 from inverse.diagnosis.hmi.refit import fit_hmi
 from inverse.diagnosis.where import Absorbed
@@ -158,3 +158,68 @@ def test_neighbours_at_one_temperature_are_of_different_sonications(problem):
     axis = next(one for one in _axes(dataclasses.replace(problem, rows=rows)) if "one temperature" in one.along)
     pairs = [np.flatnonzero(axis.keys == key).tolist() for key in np.unique(axis.keys)]
     assert [one for one in pairs if len(one) > 1] == [[0, 4], [1, 5], [3, 6]] and [2] in pairs
+
+
+def test_corrections_of_no_name_act_where_their_words_say():
+    """Two sonications, the first and last readings at the same temperatures, three at the same times."""
+    temperature = np.array([37.0, 45.0, 52.0, 58.0, 66.0, 80.0, 37.0, 44.0, 51.0, 59.0, 67.0, 80.0])
+    time, sonication = np.array([0.0, 5, 9, 14, 30, 60, 0, 5, 10, 15, 31, 60]), np.repeat([0, 1], 6)
+    rows = HmiRows(
+        np.zeros(12), sonication, ("x", "y"), temperature, time, np.zeros(12, dtype=bool), None, np.arange(12)
+    )
+    # As much displacement in the two sonications, but for a factor.
+    log_predicted = np.log(np.tile([1.0, 0.9, 1.1, 0.8, 0.6, 0.5], 2)) + np.repeat([0.0, 2.0], 6)
+    found, places = hmi_free_forms(rows, log_predicted)
+    forms, words = {one.name: one.directions for one in found}, {one.name: one.words for one in places}
+    assert list(forms) == list(words) and "in all sonications alike" in words["smooth-0.3"]
+    for name, coordinate in (("smooth-0.3", temperature), ("time", time), ("displacement", np.tile(np.arange(6), 2))):
+        for value in np.unique(coordinate):
+            same = forms[name][coordinate == value]
+            np.testing.assert_allclose(same, same[:1] * np.ones((len(same), 1)), atol=1e-12)
+        assert len(np.unique(np.round(forms[name][:, 1], 9))) == len(np.unique(coordinate))
+    for number, label in enumerate("xy"):
+        own = forms[f"sonication-{label}"]
+        assert f"sonication {label} alone" in words[f"sonication-{label}"]
+        assert not np.any(own[sonication != number]) and np.all(np.any(own[sonication == number] != 0.0, axis=1))
+    for value in (37.0, 80.0):
+        np.testing.assert_array_equal(forms[f"at-{value:.4g}"][:, 0], (temperature == value).astype(float))
+        assert words[f"at-{value:.4g}"] == f"at {value:.3g} degC in all sonications"
+    assert [name for name in forms if name.startswith("at-")] == ["at-37", "at-80"]
+
+
+def test_what_tissue_has_gone_through_is_that_of_its_course(problem):
+    """By then: shares of the minute that a sonication takes, coagulation from the lethal dose on."""
+    rows = problem.rows
+    assert rows.dose is not None
+    for course in problem.program.courses:
+        at, mine, places = course.conditions, np.asarray(course.rows), np.asarray(course.places)
+        np.testing.assert_allclose(np.asarray(at.share), np.asarray(at.time) / 60.0, rtol=1e-12)
+        assert float(at.share[-1]) == 1.0 and float(at.temperature[-1]) == course.protocol.final_temperature
+        assert float(at.start_temperature) == course.protocol.start_temperature == 35.0
+        assert float(at.push_duration) == course.protocol.push_duration
+        np.testing.assert_allclose(np.asarray(at.temperature)[places], rows.temperature[mine])
+        np.testing.assert_allclose(np.asarray(at.time)[places], rows.time[mine])
+        np.testing.assert_allclose(np.asarray(at.rise), np.asarray(at.temperature) - 35.0)
+        since, coagulated = np.asarray(at.since_coagulation)[places], np.asarray(at.coagulated)[places]
+        lethal = rows.dose[mine] > 240.0
+        np.testing.assert_array_equal(since > 0.0, lethal)
+        times = rows.time[mine]
+        assert np.all(np.diff(coagulated[np.argsort(times)]) >= 0.0) and coagulated.min() < 1e-6
+        if np.any(lethal):
+            begun = times[lethal] - since[lethal]
+            np.testing.assert_allclose(begun, begun[0])
+            assert np.max(times[~lethal]) <= begun[0] < np.min(times[lethal])
+    # The hotter one coagulates, through and through.
+    assert coagulated.max() > 0.9 and np.sum(lethal) > 1
+
+
+def test_what_a_curve_was_divided_by_is_said_where_it_is_not_in_the_file():
+    percent = np.full(len(TEMPERATURES), 97.0)
+    missing = " ".join(_notes(curves(percent), hmi_rows(curves(percent), 37.0), 37.0))
+    assert "Of 2 sonications the reading that the curve was divided by is not in the file" in missing
+    percent[0] = 100.0
+    rows = hmi_rows(curves(percent), 35.0)
+    elsewhere = " ".join(_notes(curves(percent), rows, 35.0))
+    assert "Of 1 sonications the reading" in elsewhere
+    assert "were divided by that, not by one at 35 degC: 1 at 37 degC." in elsewhere
+    assert "A factor of each sonication is free" in elsewhere

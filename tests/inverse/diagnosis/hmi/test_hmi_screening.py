@@ -309,6 +309,8 @@ def test_free_constants_of_curves_are_told_without_and_with_a_cause(problem):
     head, _, *rows = as_table(constants)
     assert head == "| constant | without | with it |" and len(rows) == len(constants)
     assert all(one.name in row and one.unit in row for one, row in zip(constants, rows, strict=True))
+    values = [f"| {one.without:.4g} | {one.with_causes:.4g} |" for one in constants]
+    assert all(row.endswith(value) for row, value in zip(rows, values, strict=True))
 
 
 def test_what_is_left_of_curves_is_drawn_against_temperature_time_dose_and_sonication(problem):
@@ -336,6 +338,13 @@ def test_curves_without_and_with_a_cause_are_drawn_to_one_scale(problem):
     assert second.get_title() == "with output-drift" and first.get_ylim() == second.get_ylim()
     drawn = np.concatenate([line.get_ydata() for axis in (first, second) for line in axis.lines])
     assert first.get_ylim()[0] < drawn.min() < drawn.max() < first.get_ylim()[1]
+    # Lines are simulated, from 100 % on, and points are measured: as much above them as is left.
+    for axis, left in ((first, null.of_readings), (second, extended.of_readings)):
+        for number in (0, 1):
+            line, points = axis.lines[2 * number : 2 * number + 2]
+            assert line.get_ydata()[0] == pytest.approx(100.0) and len(line.get_xdata()) == 13
+            percent = 100.0 * np.log(points.get_ydata() / line.get_ydata())
+            np.testing.assert_allclose(percent, 100.0 * left[hidden.rows.sonication == number], atol=1e-9)
 
 
 @pytest.mark.parametrize("one_sided", [False, True])

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from arfjax import PushSettings, SineIntensity, StepwiseProtocol
+from arfjax.experiment.file import Protocol
 from inverse.commands.main import run
 from inverse.design import design_hmi, hmi_design
 from inverse.design.hmi_proposals import THERMOCOUPLE, TRACKING, hmi_proposals
 from inverse.design.report import as_json, report
-from inverse.diagnosis import HMI_CAUSES
+from inverse.design.separation import separation
+from inverse.diagnosis import HMI_CAUSES, Diagnosis
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.diagnosis import diagnose_curves
 from inverse.diagnosis.hmi.prepare import hmi_problem_of
@@ -58,6 +60,25 @@ def test_nothing_is_proposed_that_the_protocol_does_not_allow():
     assert not names & {"modulated-push", "longer-push", "later-reading"} and "shorter-push" in names
 
 
+@pytest.mark.parametrize(
+    ("duration", "push_duration", "missing"),
+    [
+        (60.0, 0.5e-3, set()),
+        (120.0, 15e-3, {"slower", "longer-push", "modulated-push", "later-reading"}),
+        (0.15, 0.015e-3, {"faster", "shorter-push"}),
+    ],
+)
+def test_an_experiment_file_may_have_every_sonication_that_is_proposed(duration, push_duration, missing):
+    """A report says which keys to write; the longest sonication is of three minutes."""
+    every = {"slower", "faster", "shorter-push", "longer-push", "modulated-push", "later-reading"}
+    usual = StepwiseProtocol(start_temperature=35.0, duration=duration, push_duration=push_duration)
+    found = hmi_proposals(usual, reference=37.0, hottest=75.0, readings=13)
+    assert every - {one.name for one in found} == missing
+    for one in found:
+        said = Protocol(temperatures_c=[35.0, 75.0], normalised_at_c=37.0, **one.keys)
+        assert said.sonication_s == one.seconds == one.protocol.duration
+
+
 def test_places_of_immune_causes_exist():
     places = {cause.place for cause in HMI_CAUSES}
     assert {THERMOCOUPLE, TRACKING} <= places
@@ -77,6 +98,23 @@ def test_causes_in_question_alone_do_what_they_do_among_all(problem, prepared):
     # Rounding of logarithms of a percent, some 1e-14, over steps of 1e-3.
     np.testing.assert_allclose(effects, among_all, rtol=1e-6, atol=1e-8 * np.abs(among_all).max())
     assert np.all(np.linalg.norm(among_all[:, :2], axis=0) > 1e-3)
+    # An effect times its strength is what that strength changes.
+    plain = problem.program.predict(fitted.unknowns)
+    for column, extension, strength in zip(among_all.T, extensions, strengths, strict=False):
+        at = fitted.unknowns.copy()
+        at[problem.program.place(extension.cause.name)] = strength / extension.cause.plausible
+        np.testing.assert_allclose(column * strength, problem.program.predict(at) - plain, atol=1e-10)
+    # As strong as they are, in noise of 1 % and of what is believed of constants, by generalised least squares; sums of
+    # a sonication's readings, which its factor takes, left out.
+    slopes = problem.program.penalty_slopes(fitted.unknowns)[:, problem.program.constants]
+    free = np.linalg.svd(problem.factors)[0][:, problem.factors.shape[1] :]
+    constants = among_all[:, 2:]
+    covariance = 1e-4 * np.eye(len(constants)) + constants @ np.linalg.inv(slopes.T @ slopes) @ constants.T
+    moved = free.T @ (among_all[:, :2] * strengths)
+    lengths = np.sqrt(np.diagonal(moved.T @ np.linalg.solve(free.T @ covariance @ free, moved)))
+    told = hmi_design._separation(fitted, None, None)
+    np.testing.assert_allclose(told.d_prime, lengths, rtol=1e-6)
+    assert told.names == ("pre-ablation-softening", LAG) and told.one_sided.tolist() == [False, True]
 
 
 @pytest.fixture(scope="module")
@@ -136,3 +174,38 @@ def test_what_the_best_sonication_promises_is_kept(drifting, described, prepared
 def test_command_asks_for_what_it_needs(arguments, told, capsys, tmp_path):
     assert run(["design", *arguments, "--out", str(tmp_path / "out")]) == 2
     assert told in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_the_best_sonication_comes_first_and_what_cannot_be_rated_is_said(described, problem, prepared, monkeypatch):
+    by_name = {cause.name: cause for cause in HMI_CAUSES}
+    extensions, strengths = [Extension(by_name[name], 0.0) for name in (LAG, DRIFT)], np.array([0.5, -0.1])
+    nothing = np.zeros((len(problem.rows), 0))
+    lean = problem.program, problem.program.null()
+    fitted = hmi_design._Fitted(
+        problem, prepared, 37.0, problem.program.null(), extensions, strengths, 0.0123, lean, nothing
+    )
+    turned = {"again": 30.0, "slower": 60.0, "faster": 45.0, "hotter": None}
+
+    def apart(angle):
+        two = np.array([[1.0, np.cos(np.radians(angle))], [0.0, np.sin(np.radians(angle))]])
+        return separation((LAG, DRIFT), two, np.ones(2), np.zeros((2, 0)), 1.0, (1, 0))
+
+    def rating(_, proposal):
+        angle = turned.get(proposal.name, 20.0)
+        return None if angle is None else apart(angle)
+
+    monkeypatch.setattr(hmi_design, "_fitted", lambda *_: fitted)
+    monkeypatch.setattr(hmi_design, "_separation", lambda *_: apart(10.0))
+    monkeypatch.setattr(hmi_design, "_rating", rating)
+    diagnosed, curve = object.__new__(Diagnosis), curves(np.full(len(TEMPERATURES), 100.0))
+    for name, value in (("causes", ()), ("verdict", "confusable")):
+        object.__setattr__(diagnosed, name, value)
+    asked = {"found": diagnosed, "prepared": prepared, "causes": (LAG, DRIFT), "check": False, "seed": 3}
+    told = design_hmi(curve, described, **asked)
+    assert [one.proposal.name for one in told.rated[:3]] == ["slower", "faster", "again"]
+    assert told.causes == {LAG: 0.5, DRIFT: -0.1} and told.sizes == (0.0123,) and told.verdict == "confusable"
+    hotter = [note for note in told.notes if note.startswith("Not rated")]
+    assert len(hotter) == len(told.notes) == 1 and hotter[0].endswith("a sonication to 88 degC.")
+    assert all(len(one.proposal) == 13 for one in told.rated)
+    monkeypatch.setattr(hmi_design, "_rating", lambda *_: None)
+    assert design_hmi(curve, described, **asked).notes == (hmi_design.NOT_RATED,)
