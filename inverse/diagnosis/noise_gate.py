@@ -68,7 +68,7 @@ class NoiseGate:
         repeats: Scatter of repeated measurements at the same frequency and sweep, in the unit of `size`; NaN without.
         repeats_freedom: Degrees of freedom of that scatter.
         p_repeats: That noise which scatters repeats so leaves residuals as large: the classical test of lack of fit;
-            NaN without repeats, and for those that are the same reading written again.
+            NaN without repeats, for those that are the same reading written again, and where nothing is left beside.
     """
 
     kind: str

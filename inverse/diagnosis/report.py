@@ -8,7 +8,7 @@ from inverse.diagnosis.decision import REPLICATES, Decision
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
 from inverse.diagnosis.evidence import ALLOWANCE, Evidence
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
-from inverse.diagnosis.noise_gate import GATE_LEVEL, REPLICATES_OF_SIZES
+from inverse.diagnosis.noise_gate import GATE_LEVEL, REPLICATES_OF_SIZES, NoiseGate
 from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL, least_p
 from inverse.diagnosis.where import LEAST_OF_WHITENESS, Absorbed
 
@@ -24,6 +24,8 @@ _VERDICTS = {
 
 
 _PLACES = 5
+_NO_SCATTER = 1e-6
+"""Of the noise; repeats that scatter by less were not measured twice."""
 
 
 def once(places: Sequence[Absorbed]) -> list[Absorbed]:
@@ -337,17 +339,22 @@ def _noise(found: Diagnosis) -> list[str]:
     if gate.repeats_freedom:
         lines += [
             f"Repeated measurements scatter by {gate.repeats:.3g} ({gate.repeats_freedom} degrees of freedom); "
-            + (
-                "they are the same readings written again, and say nothing of the noise."
-                if math.isnan(gate.p_repeats)
-                else f"that noise leaves residuals as large with p = {gate.p_repeats:.2g} (lack of fit)."
-            )
+            + _lack_of_fit(gate)
         ]
     if not gate.as_thought:
         lines += [
             "The tests below do not need white noise: its size, its course and its tails were fitted to these data."
         ]
     return ["## The noise", "", *lines, ""]
+
+
+def _lack_of_fit(gate: NoiseGate) -> str:
+    """What the scatter of repeats says of the residuals, if anything."""
+    if not math.isnan(gate.p_repeats):
+        return f"that noise leaves residuals as large with p = {gate.p_repeats:.2g} (lack of fit)."
+    if gate.repeats < _NO_SCATTER * gate.size:
+        return "they are the same readings written again, and say nothing of the noise."
+    return "beside the constants nothing is left that they could be compared with."
 
 
 def _hidden(found: Diagnosis) -> list[str]:

@@ -504,6 +504,8 @@ def test_a_report_prints_no_nan_and_no_bound_as_a_value(file):
     assert not gate.weighed
     text = report(dataclasses.replace(found, noise=gate), "these", [])
     assert "they are the same readings written again" in text and "nan" not in text.split("## All causes")[0]
+    spare = report(dataclasses.replace(found, noise=dataclasses.replace(gate, repeats=found.noise.size)), "these", [])
+    assert "nothing is left that they could be compared with" in spare and "written again" not in spare
     assert "each counts below 0.01" in text and "would weigh each by its own size" in text
     ((name, tested), *_) = found.decision.tests.items()
     cause = next(one for one in found.causes if one.cause.name == name)
