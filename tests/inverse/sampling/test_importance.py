@@ -84,6 +84,10 @@ def test_proposals_without_a_density_count_in_the_evidence_and_its_error(found, 
     distances = np.array([(each.log_evidence - expected) / each.standard_error for each in weighed])
     assert all(float(drawn.settings["refused"]) > 0.02 for drawn in runs)
     assert abs(np.mean(distances)) < 4.0 / np.sqrt(40.0) and 0.7 < np.std(distances) < 1.4
+    # Of n weights, zeros among them, that are worth m draws the mean has the relative variance 1 / m - 1 / n.
+    for drawn, each in zip(runs, weighed, strict=True):
+        expected_error = np.sqrt(1.0 / float(drawn.settings["effective_size"]) - 1.0 / 300.0)
+        np.testing.assert_allclose(each.standard_error, expected_error, rtol=1e-9)
 
 
 def test_draws_are_worth_what_their_weights_say(found):
