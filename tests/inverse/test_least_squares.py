@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from inverse.least_squares import MultiStart, descend, multi_start
+from inverse import least_squares
+from inverse.least_squares import STATUS, MultiStart, descend, multi_start
 
 
 def rosenbrock(u, _):
@@ -81,3 +82,12 @@ def test_one_start_is_told_step_by_step():
     np.testing.assert_allclose(found.residual, design @ best - data, atol=1e-6)
     np.testing.assert_allclose(found.jacobian, design, atol=1e-12)
     assert told == list(enumerate(found.costs, start=1)) and found.costs[-1] == pytest.approx(0.5 * left)
+
+
+def test_a_start_that_the_solver_gave_up_or_that_met_no_number_has_not_converged(monkeypatch):
+    """It ended, as one that converged does; what it was ended by is told."""
+    lost = descend(lambda u, _: jnp.log(u), np.array([-1.0]))
+    assert not lost.converged and lost.message == STATUS[2] and len(lost.costs) == 1
+    monkeypatch.setattr(least_squares, "_one_step", lambda residual, solver, u, args, state: (u, state, True, True))
+    given_up = descend(lambda u, _: u - 2.0, np.array([1.0]))
+    assert not given_up.converged and given_up.message == STATUS[3] and not given_up.out_of_steps

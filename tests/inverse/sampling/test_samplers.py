@@ -182,6 +182,21 @@ def test_a_resumed_chain_goes_on_with_its_own_random_numbers(problem, found, tmp
     np.testing.assert_allclose(whole.log_density.ravel(), batched_log_density(problem)(whole.flat), rtol=1e-9)
 
 
+def test_no_random_number_is_used_twice(problem, found, monkeypatch):
+    """Every chunk begins with the number of draws before it, from which its random numbers follow."""
+    begun = []
+
+    def advance(numbers, centre, factor, state, keys, first, count, most_doublings):
+        begun.append(int(first))
+        return state, (np.zeros((2, count, 3)), *np.zeros((6, 2, count)))
+
+    moves = nuts._Chains(None, jnp.ones(2), jnp.zeros((2, 3, 3)))
+    monkeypatch.setattr(nuts, "_warm_up", lambda *_: moves)
+    monkeypatch.setattr(nuts, "_advance", advance)
+    drawn = sample_nuts(problem, found, seed=5, chains=2, draws=25, chunk=10)
+    assert begun == [0, 10, 20] and drawn.log_density.shape == (2, 30)
+
+
 def test_trajectories_that_broke_down_or_were_cut_are_counted(problem):
     """Of two chains of five draws: one diverged, two came to the largest number of doublings."""
     depth = np.array([[1, 2, 10, 3, 4], [2, 2, 2, 10, 1]])
