@@ -98,7 +98,7 @@ def invert_information(jacobian: Float[np.ndarray, "m n"]) -> tuple[Float[np.nda
     covariance = np.diag(np.where(free, np.inf, 0.0))
     if not np.all(free):
         kept = np.flatnonzero(~free)
-        _, singular, directions = np.linalg.svd(jacobian[:, kept] / lengths[kept], full_matrices=False)
+        singular, directions = _principal(jacobian[:, kept] / lengths[kept])
         scaled = directions / np.maximum(singular, 1e-12 * singular[0])[:, None]
         scaled = scaled / lengths[kept][None, :]
         covariance[np.ix_(kept, kept)] = scaled.T @ scaled
@@ -113,6 +113,14 @@ def delta_method(
     """Derived quantities and their covariance, to first order: transforms, sums and ratios of parameters."""
     derivative = np.asarray(jax.jacfwd(function)(jnp.asarray(values)))
     return np.asarray(function(jnp.asarray(values))), derivative @ covariance @ derivative.T
+
+
+def _principal(jacobian: Float[np.ndarray, "m n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n"]]:
+    """Singular values and their directions, one a row; 0 for those that fewer data than parameters do not feel."""
+    rows, columns = jacobian.shape
+    whole = np.concatenate([jacobian, np.zeros((max(columns - rows, 0), columns))])
+    _, singular, directions = np.linalg.svd(whole, full_matrices=False)
+    return singular, directions
 
 
 def _correlation(covariance: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
@@ -156,8 +164,8 @@ def _free_combination(jacobian, values, names) -> tuple[str, ...]:
     kept = np.flatnonzero((lengths > 0.0) & (values != 0.0))
     if len(kept) < 2:
         return ()
-    _, singular, directions = np.linalg.svd(jacobian[:, kept] / lengths[kept], full_matrices=False)
-    if len(singular) == len(kept) and singular[-1] > SINGULAR * singular[0]:
+    singular, directions = _principal(jacobian[:, kept] / lengths[kept])
+    if singular[-1] > SINGULAR * singular[0]:
         return ()
     relative = directions[-1] / (lengths[kept] * values[kept])
     relative = relative / relative[np.argmax(np.abs(relative))]

@@ -123,8 +123,7 @@ def _stepwise_task(described: Experiment) -> Task:
     assumed = assumed_notes(described, "mechanics", "lesion")
     settings = described.discretised(model)
     given, reference = described.protocol.temperatures_c, described.protocol.normalised_at_c
-    between = np.arange(given[0], given[-1] + 1e-9, _STEP_K)
-    temperatures = np.union1d(between, [*given, reference])
+    temperatures = curve_temperatures(given, reference)
     return Task(
         model=model,
         settings=settings,
@@ -137,6 +136,14 @@ def _stepwise_task(described: Experiment) -> Task:
         chunk=20,
         notes=(*assumed, *sound_notes(settings)),
     )
+
+
+def curve_temperatures(given: Sequence[float], reference: float) -> np.ndarray:
+    """Temperatures [degC] of the stepwise curve: the protocol's, that of 100 percent, and steps between them."""
+    # Multiples of the step are added, because `arange` with a start that is no binary number misses those given by
+    # rounding, which would then be there twice.
+    n_steps = int((given[-1] - given[0]) / _STEP_K + 1e-9)
+    return np.union1d(given[0] + _STEP_K * np.arange(n_steps + 1), [*given, reference])
 
 
 def _transient_task(described: Experiment) -> Task:

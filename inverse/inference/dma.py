@@ -88,7 +88,7 @@ class SweepPrediction(eqx.Module):
         has_phase: Whether phases were measured.
     """
 
-    angular_frequencies: tuple[Float[Array, " point"], ...]
+    angular_frequencies: tuple[Float[Array, " _point"], ...]
     temperatures: tuple[Float[Array, ""], ...]
     solid_at: SolidAt = eqx.field(static=True)
     has_phase: bool = eqx.field(static=True)

@@ -25,7 +25,7 @@ from inverse.least_squares import MultiStart, multi_start
 from inverse.minimise import multi_start_minimise
 from inverse.parameters import Parameter
 from inverse.precision import require_double_precision
-from inverse.transforms import Identity
+from inverse.transforms import Identity, LogInterval, Positive
 from inverse.uncertainty import Uncertainty, assess
 
 
@@ -41,6 +41,9 @@ class Method(enum.StrEnum):
 
 _MINIMUM = 1e-3
 """Nats that a Newton step may still gain at values that count as a minimum."""
+
+_ROUNDING = 1e-9
+"""Share of a value's range, or of its size, that rounding may leave between it and a bound."""
 
 _LEAST_SQUARES = {Method.LEVENBERG_MARQUARDT, Method.DOGLEG}
 
@@ -281,11 +284,27 @@ def _ends(problem: Problem, found: MultiStart, values: Float[np.ndarray, " m"], 
     if method is not Method.L_BFGS_B:
         return problem.parameters.ends(np.asarray(found.solutions)[int(found.best)])
     lower, upper = bounds(problem)
-    near = 1e-9 * np.where(np.isfinite(upper - lower), upper - lower, np.max(np.abs(values)))
     return [
-        "lower" if value <= low + by else "upper" if value >= high - by else None
-        for value, low, high, by in zip(values, lower, upper, near, strict=True)
+        "lower" if value <= low + above else "upper" if value >= high - below else None
+        for value, low, high, (above, below) in zip(values, lower, upper, _on_bounds(problem), strict=True)
     ]
+
+
+def _on_bounds(problem: Problem) -> list[tuple[float, float]]:
+    """How near to its lower and upper bound each value of a plain set counts as on it, which is a matter of rounding.
+
+    By its own range or size: of the range of a time that spans powers of ten the width says nothing at its lower end.
+    """
+    near = []
+    for entry in problem.parameters.entries:
+        transform = entry.parameter.transform
+        low, high = (float(bound) for bound in transform.bounds)
+        if isinstance(transform, LogInterval):
+            near.append((_ROUNDING * low, _ROUNDING * high))
+        else:
+            size = float(transform.scale) if isinstance(transform, Positive) else high - low
+            near.append((_ROUNDING * size,) * 2 if np.isfinite(size) else (0.0, 0.0))
+    return near
 
 
 def _uncertainty(

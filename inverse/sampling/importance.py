@@ -93,6 +93,7 @@ def sample_importance(
         mean, spread = pool.moved(spread)
     points, heights, logs = pool.points, pool.heights, pool.log_weights
     share, shape, size, refused = pool.share, pool.shape, pool.size, pool.refused
+    proposed = len(logs) / (1.0 - refused)  # those without a density weigh nothing, and count
     taken = rng.permutation(_systematic(share, chains * draws, rng))
     return Draws(
         unconstrained=points[taken].reshape(chains, draws, -1),
@@ -105,8 +106,8 @@ def sample_importance(
             "effective_size": size,
             "pareto_shape": shape,
             "refused": refused,
-            "log_evidence": float(np.logaddexp.reduce(logs) - np.log(len(logs) / (1.0 - refused))),
-            "log_evidence_error": float(np.sqrt(max(1.0 / size - 1.0 / len(logs), 0.0))),
+            "log_evidence": float(np.logaddexp.reduce(logs) - np.log(proposed)),
+            "log_evidence_error": float(np.sqrt(max(1.0 / size - 1.0 / proposed, 0.0))),
         },
         finished=shape <= LARGEST_SHAPE and refused <= _MOST_REFUSED,
         message=_message(len(points), size, shape, refused),

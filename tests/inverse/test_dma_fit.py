@@ -110,6 +110,53 @@ def test_residual_weights_come_from_deviations():
         assert np.max(np.abs(plain.values / [2.0e3, 1.5e4, 0.3] - 1.0)) > 0.05
 
 
+@pytest.mark.parametrize(
+    ("residual", "coordinates"),
+    [
+        (LogModulus(), lambda modulus: (np.log(np.abs(modulus)), np.angle(modulus))),
+        (LinearModulus(), lambda modulus: (modulus.real, modulus.imag)),
+    ],
+)
+def test_deviations_of_the_file_become_those_of_the_coordinates(residual, coordinates):
+    """To first order, by finite differences, of storage and loss moduli that are known differently well."""
+    storage, loss = np.array([1500.0, 900.0]), np.array([200.0, 700.0])
+    of_storage, of_loss = np.array([3.0, 40.0]), np.array([20.0, 5.0])
+    data = dma_data(np.array([1.0, 2.0]), np.full(2, 37.0), np.stack([storage, loss], axis=1))
+    data = dataclasses.replace(data, storage_modulus_sd=of_storage, loss_modulus_sd=of_loss)
+    step, modulus = 1e-3, storage + 1j * loss
+    slopes = [
+        (np.stack(coordinates(modulus + step * along)) - np.stack(coordinates(modulus - step * along))) / (2.0 * step)
+        for along in (1.0, 1j)
+    ]
+    expected = np.hypot(slopes[0] * of_storage, slopes[1] * of_loss).T
+    np.testing.assert_allclose(residual.standard_deviations(data), expected, rtol=1e-6)
+    shown = residual.observations(data, 3)
+    np.testing.assert_allclose(shown.observed[:2], np.stack(coordinates(modulus), axis=1), rtol=1e-12)
+    np.testing.assert_allclose(shown.weights[:2], 1.0 / expected, rtol=1e-6)
+    np.testing.assert_array_equal(shown.in_use, [True] * 4 + [False] * 2)
+    np.testing.assert_allclose(shown.angular_frequency[:2], [2.0 * np.pi, 4.0 * np.pi])
+
+
+def test_deviations_of_a_magnitude():
+    data = dma_data(np.array([1.0, 2.0]), np.full(2, 37.0), np.array([1500.0, 900.0]))
+    data = dataclasses.replace(data, modulus_magnitude_sd=np.array([30.0, 9.0]))
+    np.testing.assert_allclose(LogModulus().standard_deviations(data)[:, 0], [0.02, 0.01])
+    np.testing.assert_allclose(LinearModulus().standard_deviations(data)[:, 0], [30.0, 9.0])
+    # There is no second coordinate, whatever its weight.
+    np.testing.assert_array_equal(LogModulus().observations(data, 2).in_use, [True, False, True, False])
+
+
+def test_ends_of_reported_constants_are_those_of_what_is_moved():
+    """A branch that vanishes is no end of the unrelaxed modulus, which is the relaxed one then."""
+    data = twin(Zener(2.0e3, 1.5e4, 0.3)).data
+    omega = 2.0 * np.pi * FREQUENCY
+    earliest, latest = 1e-6 / omega.max(), 1e6 / omega.min()
+    assert CONVENTIONAL.ends(data, np.array([2e3, 1.5e4, 0.3])) == [None, None, None]
+    assert CONVENTIONAL.ends(data, np.array([1e-4, 1.5e4, 1.2 * earliest])) == ["lower", None, "lower"]
+    assert CONVENTIONAL.ends(data, np.array([2e3, 2e3 * (1.0 + 1e-9), latest / 1.2])) == [None, None, "upper"]
+    assert FRACTIONAL.ends(data, np.array([2e3, 1.5e4, 0.3, 1.0 - 1e-8]))[3] == "upper"
+
+
 def test_same_seed_same_fit(clean_fits):
     again = fit_sweeps([twin(truth) for truth in TRUTHS])
     for one, other in zip(clean_fits.fits, again.fits, strict=True):

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from arfjax import InputError, discretise, read_experiment, run_stepwise
+from inverse import hmi_fit, hmi_model
 from inverse.datasets.hmi import HmiData
 from inverse.datasets.shipped import shipped
 from inverse.hmi_fit import CalibrationSettings, constants_of, fit_hmi
-from inverse.hmi_model import plan_sweeps
+from inverse.hmi_model import plan_sweeps, predict
 
 TEMPERATURES = np.asarray([37.0, 45.0, 52.0, 58.0, 64.0, 70.0])
 TRUTH = {"attenuation": 1.10, "stiffness": 0.7}
@@ -110,6 +111,126 @@ def test_readings_that_no_model_can_miss_are_no_evidence_of_noise(described, tmp
         found.append(fit_hmi(model, data, protocol, coarse, CalibrationSettings()))
     np.testing.assert_allclose(found[1].noise_sd[-5:], found[0].noise_sd, rtol=1e-6)
     np.testing.assert_allclose(found[1].standard_errors, found[0].standard_errors, rtol=1e-4)
+
+
+REFERENCE_ROWS = 3
+CURVE = np.concatenate([np.full(REFERENCE_ROWS, 37.0), np.linspace(40.0, 70.0, 12)])
+EFFECT = np.random.default_rng(4).normal(size=(15, 8)) * [30.0, 30.0, 30.0, 30.0, 3.0, 30.0, 3.0, 0.3]
+"""Of the logarithm of each constant on each row, in a model that is linear in them; none at the reference."""
+EFFECT[:REFERENCE_ROWS] = 0.0
+METRES = 2.5e-8  # of a percent
+
+
+@pytest.fixture
+def linear(described, monkeypatch):
+    """The model's constants, and a simulation that is linear in their logarithms, whose posterior is known."""
+    constants = constants_of(described.model(), CalibrationSettings())
+    centre = np.asarray([float(parameter.transform.forward(0.0)) for parameter in constants.parameters])
+
+    def simulated(model, sweeps, settings, *, n_rows, in_percent):
+        lesion = model.lesion.viscoelasticity
+        rest = (lesion.branch_modulus.value, lesion.branch_modulus.rate, lesion.relaxation_time.value)
+        now = jnp.stack([*model.liver.attenuation.percent(jnp.asarray(constants.anchors)), *map(jnp.asarray, rest)])
+        rows = 100.0 + jnp.asarray(EFFECT) @ jnp.log(now / centre)
+        return rows if in_percent else METRES * rows
+
+    monkeypatch.setattr(hmi_fit, "predict", simulated)
+    return centre
+
+
+def posterior(percent, sd):
+    """Of the logarithms over the prior's centre: prior covariance, posterior mean and covariance."""
+    prior = np.diag([0.25**2] * 5 + [0.5**2] * 3)
+    prior[:5, :5] += 0.25**2
+    covariance = np.linalg.inv(np.linalg.inv(prior) + EFFECT.T @ (EFFECT / sd[:, None] ** 2))
+    return prior, covariance @ EFFECT.T @ ((percent - 100.0) / sd**2), covariance
+
+
+@pytest.mark.parametrize("in_percent", [True, False])
+def test_a_linear_model_has_its_posterior_in_closed_form(described, linear, tmp_path, in_percent):
+    """Values, errors, and what is left of each prior, with deviations that differ from row to row."""
+    random = np.random.default_rng(9)
+    sd = random.uniform(1.0, 4.0, len(CURVE))
+    percent = 100.0 + EFFECT @ (0.3 * random.normal(size=8)) + sd * random.normal(size=len(CURVE))
+    prior, mean, covariance = posterior(percent, sd)
+    unit = 1.0 if in_percent else METRES
+    data = data_of(tmp_path / "x.csv", CURVE, unit * percent, unit * sd)
+    data = dataclasses.replace(data, in_percent=in_percent)
+    model = described.model()
+    found = fit_hmi(model, data, described.stepwise(), discretise(model, refinement=0.4), CalibrationSettings())
+    spread = np.sqrt(np.diag(covariance))
+    assert found.descent.converged and not found.noise_estimated and found.noise_settled
+    np.testing.assert_allclose((np.log(found.values / linear) - mean) / spread, 0.0, atol=0.02)
+    np.testing.assert_allclose(found.standard_errors / found.values, spread, rtol=1e-6)
+    np.testing.assert_allclose(found.correlation, covariance / np.outer(spread, spread), atol=1e-8)
+    np.testing.assert_allclose(found.shrinkage, spread / np.sqrt(np.diag(prior)), rtol=1e-6)
+    level = np.sqrt(covariance[:5, :5].sum() / prior[:5, :5].sum())
+    np.testing.assert_allclose(found.level_shrinkage, level, rtol=1e-6)
+    np.testing.assert_allclose(found.determined, 8.0 - np.trace(np.linalg.solve(prior, covariance)), rtol=1e-6)
+    np.testing.assert_allclose(found.noise_sd, unit * sd, rtol=1e-12)
+    np.testing.assert_allclose(found.before, unit * 100.0, rtol=1e-9)
+    np.testing.assert_allclose(found.after, unit * (100.0 + EFFECT @ np.log(found.values / linear)), rtol=1e-6)
+    names = [parameter.name for parameter in found.constants.parameters]
+    free = [name for name, ratio in zip(names, spread / np.sqrt(np.diag(prior)), strict=True) if ratio > 0.9]
+    assert list(found.not_identified) == ["attenuation_level"] * int(level > 0.9) + free and free
+    # Errors of the coefficients are those of the values at the anchors, carried through the polynomial.
+    inverse = np.linalg.inv(np.vander(found.constants.anchors, increasing=True))
+    at_anchors = np.outer(found.values[:5], found.values[:5]) * covariance[:5, :5]
+    np.testing.assert_allclose(found.coefficient_errors, np.sqrt(np.diag(inverse @ at_anchors @ inverse.T)), rtol=1e-5)
+
+
+def test_unknown_noise_is_what_the_differences_speak_for(described, linear, tmp_path):
+    """s^2 = sum of squares / (n - g), of the rows that say something, to the percent at which it counts as settled."""
+    random = np.random.default_rng(6)
+    percent = 100.0 + EFFECT @ (0.3 * random.normal(size=8))
+    percent[REFERENCE_ROWS:] += 2.0 * random.normal(size=12)
+    expected = 5.0
+    for _ in range(200):
+        prior, mean, covariance = posterior(percent, np.full(15, expected))
+        determined = 8.0 - np.trace(np.linalg.solve(prior, covariance))
+        left = (percent - 100.0 - EFFECT @ mean)[REFERENCE_ROWS:]
+        expected = float(np.sqrt(left @ left / (12.0 - determined)))
+    model, data = described.model(), data_of(tmp_path / "x.csv", CURVE, percent, None)
+    found = fit_hmi(model, data, described.stepwise(), discretise(model, refinement=0.4), CalibrationSettings())
+    assert found.noise_estimated and found.noise_settled
+    np.testing.assert_allclose(found.noise_sd, expected, rtol=0.03)
+    np.testing.assert_allclose(found.determined, determined, atol=0.1)
+
+
+@pytest.fixture
+def ramp(monkeypatch):
+    """Heating by half a kelvin a second, and a displacement that falls with temperature, steeper in hotter ones."""
+    monkeypatch.setattr(hmi_model, "simulate_heating", lambda model, protocol, settings: protocol)
+    monkeypatch.setattr(hmi_model, "focal_temperature_at", lambda heating, time: 35.0 + 0.5 * time)
+    monkeypatch.setattr(
+        hmi_model,
+        "stepwise_displacement",
+        lambda model, at, protocol, settings, *, heating: micrometres(at, heating.final_temperature) * 1e-6,
+    )
+
+
+def micrometres(temperature, final):
+    return 10.0 - 0.001 * final * (temperature - 35.0)
+
+
+def test_every_row_is_predicted_in_its_own_sonication(described, ramp, tmp_path):
+    """Rows out of order and of two final temperatures, in percent of 37 degC and in metres; and by time."""
+    temperature = np.asarray([70.0, 40.0, 60.0, 40.0, 50.0])
+    labels = ("a", "b", "a", "a", "b")
+    final = np.asarray([70.0, 50.0, 70.0, 70.0, 50.0])
+    data = data_of(tmp_path / "x.csv", temperature, np.full(5, 99.0), None, sonication=labels)
+    model, settings = described.model(), discretise(described.model(), refinement=0.4)
+    plan = plan_sweeps(data, described.stepwise(), 37.0)
+    metres = predict(model, plan, settings, n_rows=5, in_percent=False)
+    np.testing.assert_allclose(metres, 1e-6 * micrometres(temperature, final), rtol=1e-12)
+    percent = predict(model, plan, settings, n_rows=5, in_percent=True)
+    expected = 100.0 * micrometres(temperature, final) / micrometres(37.0, final)
+    np.testing.assert_allclose(percent, expected, rtol=1e-12)
+    time = np.asarray([30.0, 2.0, 30.0])
+    timed = data_of(tmp_path / "x.csv", None, np.full(3, 99.0), None, sonication=("a", "b", "b"), time=time)
+    plan = plan_sweeps(timed, described.stepwise(), 37.0)
+    expected = 100.0 * micrometres(35.0 + 0.5 * time, 70.0) / micrometres(37.0, 70.0)
+    np.testing.assert_allclose(predict(model, plan, settings, n_rows=3, in_percent=True), expected, rtol=1e-12)
 
 
 def test_prior_is_centred_on_the_model(described):

@@ -25,8 +25,10 @@ from arfjax import (
     run_transient,
 )
 from arfjax.laws import Coagulating, Constant, Linear, ScaledRise
+from inverse.commands import variability_report
 from inverse.commands.main import run
 from inverse.commands.partial import PartialFile
+from inverse.commands.vary import _write_tables, curve_temperatures
 from inverse.monte_carlo import (
     SPREADS,
     analyse,
@@ -36,7 +38,14 @@ from inverse.monte_carlo import (
     transient_outcome,
     varied,
 )
-from inverse.monte_carlo.bands import curves_by_temperature, highest_at, levels_of, rank_correlations
+from inverse.monte_carlo.bands import (
+    QUANTILES,
+    correlation_noise,
+    curves_by_temperature,
+    highest_at,
+    levels_of,
+    rank_correlations,
+)
 
 EXPERIMENT = Path(__file__).parents[2] / "examples" / "suomi2016.toml"
 DESCRIBED = read_experiment(EXPERIMENT)
@@ -187,6 +196,13 @@ def test_curves_by_temperature_end_where_the_heating_does():
     np.testing.assert_allclose(found, [[1.0, 1.5, 3.0], [1.0, 6.0, np.nan]])
 
 
+def test_no_temperature_of_a_curve_is_there_twice():
+    """Every 2.5 K from 29.7 degC, which binary numbers miss by rounding; and what is given between the steps."""
+    found = curve_temperatures([29.7, 37.2, 42.2, 45.0], 37.0)
+    np.testing.assert_allclose(found, [29.7, 32.2, 34.7, 37.0, 37.2, 39.7, 42.2, 44.7, 45.0], rtol=1e-14)
+    np.testing.assert_array_equal(curve_temperatures([35.0, 40.0], 35.0), [35.0, 37.5, 40.0])
+
+
 def test_levels_are_those_that_half_of_the_samples_reach():
     course = np.array([[37.0, 40.2], [37.0, 42.9], [37.0, 60.0], [np.nan, np.nan]])
     np.testing.assert_array_equal(levels_of(course, 37.0), np.arange(37.0, 43.0))
@@ -224,6 +240,98 @@ def test_samples_that_are_not_finite_are_counted_not_dropped():
     assert float(data["central_displacement_percent"][1]) == pytest.approx(150.0)
     with pytest.raises(InputError, match="only 1 of 4 samples"):
         analysed(displacement, np.array([True, True, False, False, False]))
+
+
+def of_known_draws():
+    """Five usable tissues beside the central one: displacement at 60 degC falls as the first constant rises."""
+    first, second = np.array([1.0, 1.2, 0.8, 1.1, 0.9, 1.3, 1.0]), np.array([1.0, 0.9, 1.0, 1.3, 0.7, 1.1, 1.2])
+    at = np.array([35.0, 40.0, 55.0, 60.0])
+    hot = 200.0 - 100.0 * first + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.nan])
+    percent = np.stack([np.full(7, 100.0), 98.0 + 2.0 * second, np.full(7, 120.0), hot], axis=1)
+    displacement = 1e-8 * percent * (1.0 + np.arange(7.0))[:, None]
+    sound = np.isfinite(displacement).all(axis=1)
+    factors = np.stack([first, second], axis=1)
+    return percent, analyse(at, displacement, 35.0, SPREADS[:2], factors, [3.0, 5.0], sound)
+
+
+def test_what_is_said_of_known_draws():
+    """Ranks, standard deviation and quantiles of the five, the central tissue and the sixth left out."""
+    percent, data = of_known_draws()
+    drawn = percent[1:6]
+    np.testing.assert_allclose(data["displacement_percent"][:6], percent[:6], rtol=1e-12)
+    np.testing.assert_allclose(data["displacement_sd"], drawn.std(axis=0, ddof=1), atol=1e-10)
+    np.testing.assert_allclose(data["displacement_quantile"], np.quantile(drawn, QUANTILES, axis=0), rtol=1e-12)
+    correlation = data["rank_correlation"].to_numpy()
+    np.testing.assert_allclose([correlation[0, 3], correlation[1, 1]], [-1.0, 1.0], atol=1e-12)
+    # Ranks of the first constant are 4 1 3 2 5, of the second 2 3 5 1 4: 1 - 6 sum d^2 / (5 24), d^2 of 4 4 4 1 1.
+    np.testing.assert_allclose([correlation[0, 1], -correlation[1, 3]], 1.0 - 6.0 * 14.0 / 120.0, atol=1e-12)
+    np.testing.assert_allclose(data["drawn_value"][2], [0.8 * 3.0, 1.0 * 5.0], rtol=1e-12)
+    # The parabola through 40, 55 and 60 degC.
+    curvature, slope = np.linalg.solve([[225.0, -15.0], [25.0, 5.0]], percent[1, [1, 3]] - 120.0)
+    assert float(data["highest_at"][1]) == pytest.approx(55.0 - 0.5 * slope / curvature)
+    assert correlation_noise(5) == pytest.approx(0.98)
+
+
+def test_what_a_table_of_bands_holds(tmp_path):
+    """A row every fifth degree: how many, the median, the middle half and nine tenths, and what is followed most."""
+    percent, data = of_known_draws()
+    data = data.assign_coords(curve_temperature=[35.0, 42.5, 55.0, 60.0])
+    low, lower, median, upper, high = np.quantile(percent[1:6, 3], [0.05, 0.25, 0.5, 0.75, 0.95])
+    table = variability_report.rows(data)
+    assert [row[0] for row in table] == ["35", "55", "60"] and table[0][-1] == "-"
+    bands = (f"{median:.1f}", f"{lower:.1f} to {upper:.1f}", f"{low:.1f} to {high:.1f}")
+    assert table[-1] == ("60", "5", *bands, "attenuation of liver, at all temperatures (-1.00)")
+    found = variability_report.results(data)
+    assert (found["n_samples"], found["n_usable"], found["unusable_samples"]) == (6, 5, [6])
+    assert found["displacement_quantiles"]["0.95"]["value"][-1] == pytest.approx(high)
+    assert found["rank_correlation"]["liver_attenuation"][-1] == pytest.approx(-1.0)
+    assert found["spreads"]["liver_attenuation_rise"]["central"] == {"value": 5.0, "unit": "Np/m"}
+    shown = data["highest_at"].to_numpy()[1:6]
+    stated = [found["temperature_of_highest_displacement"][name]["value"] for name in ("q05", "median", "q95")]
+    np.testing.assert_allclose(stated, np.quantile(shown, [0.05, 0.5, 0.95]), rtol=1e-12)
+    _write_tables(tmp_path, data)
+    bands = list(csv.DictReader((tmp_path / "bands.csv").read_text().splitlines()))
+    assert float(bands[-1]["quantile_25_percent"]) == pytest.approx(lower, rel=1e-7)
+    assert float(bands[-1]["displacement_sd"]) == pytest.approx(percent[1:6, 3].std(ddof=1), rel=1e-7)
+    assert float(bands[-1]["n_reaching"]) == 5.0 and float(bands[-1]["rank_correlation_liver_attenuation"]) == -1.0
+    curves = list(csv.DictReader((tmp_path / "curves.csv").read_text().splitlines()))
+    (one,) = (row for row in curves if row["sample"] == "2" and row["temperature_degc"] == "60.0")
+    assert float(one["displacement_percent"]) == pytest.approx(120.0) and one["usable"] == "1"
+
+
+def test_what_a_report_of_bands_warns_of():
+    """Samples that are left out by number, boiling in drawn tissues alone, and who measured a spread."""
+    _, data = of_known_draws()
+    data = data.assign(boiling_time=("sample", np.array([3.0, np.nan, 7.0, np.nan, 9.0, np.nan, np.nan])))
+    data.attrs |= {
+        "title": "t", "protocol": "stepwise", "sampling": "Latin hypercube", "seed": 7, "temperature": "temperature",
+    }  # fmt: skip
+    text = variability_report.report(data, [], ["a note"])
+    assert "in 6 tissues, drawn by Latin hypercube sampling with seed 7" in text and "- a note" in text
+    assert "ONLY 5 of 6 samples are usable" in text and "samples 6." in text
+    assert "Tissue reaches 100 degC in 2 samples" in text
+    assert "| attenuation of liver, at all temperatures | 3 Np/m | 5.8 % | normal | measured |" in text
+    whole = data.isel(sample=slice(6)).drop_vars("boiling_time")
+    text = variability_report.report(whole, [], [])
+    assert "- 5 of 5 samples are usable." in text and "100 degC" not in text
+
+
+def test_spreads_are_those_of_their_sources():
+    """In percent of the mean, by the numbers that each source states; a modulus goes with the square of a speed."""
+    stated = {
+        "liver_attenuation": 100.0 * 0.03 / 0.52,
+        "liver_attenuation_rise": 100.0 * 0.5 / 2.67,
+        "liver_sound_speed": 100.0 * 11.0 / 1577.0,
+        "liver_modulus": 100.0 * 0.4 / 1.8,
+        "lesion_modulus": 50.0 * ((2.52 + 0.18) ** 2 - (2.52 - 0.18) ** 2) / 2.52**2,
+        "liver_specific_heat": 3.0,
+        "liver_conductivity": 5.0,
+    }
+    assert {each.name: pytest.approx(100.0 * each.relative_sd) for each in SPREADS} == stated
+    # Three heats within three percent of their mean, and half of 9.6 percent.
+    heats = np.array([3540.0, 3570.0, 3.567e6 / 1060.0])
+    assert np.std(heats, ddof=1) / np.mean(heats) == pytest.approx(0.03, abs=2e-3)
+    assert [each.name for each in SPREADS if not each.measured] == ["liver_specific_heat", "liver_conductivity"]
 
 
 @pytest.mark.slow

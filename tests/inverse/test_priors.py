@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.integrate import quad
 
 from arfjax import InputError
@@ -84,3 +85,30 @@ def test_shares_of_a_whole():
 def test_impossible_priors_are_refused(make, said):
     with pytest.raises(InputError, match=said):
         make()
+
+
+def test_penalty_of_a_spread_is_in_units_of_its_scale():
+    """Minus the logarithm of the half-normal density rises by half of its square."""
+    prior = HalfNormal(0.4)
+    rise = prior.log_density(0.0) - prior.log_density(1.0)
+    np.testing.assert_allclose(0.5 * prior.penalty(1.0) ** 2, rise, rtol=1e-12)
+
+
+def test_density_of_shares():
+    concentration, shares = np.array([2.0, 3.0, 1.5]), np.array([0.2, 0.5, 0.3])
+    found = Dirichlet(jnp.asarray(concentration)).log_density(jnp.asarray(shares))
+    np.testing.assert_allclose(found, stats.dirichlet(concentration).logpdf(shares), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("prior", "said"),
+    [
+        (Normal(3.0, 0.5), "normal, 3 ± 0.5 Pa"),
+        (LogNormal(2e3, 0.7), "log-normal, median 2000 Pa, standard deviation of its logarithm 0.7"),
+        (Uniform(-1.0, 4.0), "uniform from -1 to 4 Pa"),
+        (LogUniform(1e-3, 1e2), "log-uniform from 0.001 to 100 Pa"),
+        (HalfNormal(0.4), "half-normal, scale 0.4 Pa"),
+    ],
+)
+def test_what_a_table_says_of_a_prior(prior, said):
+    assert prior.describe("Pa") == said

@@ -3,6 +3,7 @@
 import dataclasses
 from pathlib import Path
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,8 +13,9 @@ from arfjax import InputError, discretise, read_experiment
 from benchmarks.calibration_cases import SMALL
 from inverse.datasets.hmi import HmiData
 from inverse.datasets.shipped import shipped
+from inverse.fast_hmi import FastHmi
 from inverse.hmi_model import plan_sweeps, predict, sweeps_of_each
-from inverse.hmi_problem import hmi_problem
+from inverse.hmi_problem import FastPrediction, HmiProblem, _one_of_each, hmi_problem
 from inverse.inference.audit import audit
 from inverse.inference.dma import of_liver
 from inverse.inference.experiment import (
@@ -25,8 +27,8 @@ from inverse.inference.experiment import (
     population,
 )
 from inverse.inference.fit import fit
-from inverse.inference.noise import NoiseModel
-from inverse.inference.problem import State
+from inverse.inference.noise import NoiseModel, unordered
+from inverse.inference.problem import Measurement, Problem, State
 from inverse.inference.widened import widened
 from inverse.sampling import laplace, sample_importance
 from inverse.sampling.diagnostics import values_of
@@ -84,6 +86,62 @@ def test_wider_populations_scatter_more():
     # The prior of the middle is half a unit wide, the spread's mean square that of its half-normal prior.
     np.testing.assert_allclose(scatter[0], np.hypot(0.5, 0.3), rtol=0.06)
     np.testing.assert_allclose(scatter[1], 2.0 * scatter[0], rtol=0.06)
+
+
+class Part(FastHmi):
+    """In place of a fast model: the lesion's stiffness in its rows, and how far its logarithm is off the model's."""
+
+    curve: None = None  # type: ignore[assignment]
+    sweeps: tuple = ()
+    rows: tuple[int, ...] = eqx.field(static=True, default=())
+
+    def predict(self, model, *, n_rows, in_percent):
+        return jnp.zeros(n_rows).at[jnp.asarray(self.rows)].set(model.lesion.viscoelasticity.branch_modulus.value)
+
+    def excess(self, model):
+        now = model.lesion.viscoelasticity.branch_modulus.value
+        return jnp.abs(jnp.log(now / MODEL.lesion.viscoelasticity.branch_modulus.value))
+
+
+def test_each_sonication_is_predicted_by_its_own_part_and_covered_if_all_are():
+    parameters, root = population(differing("lesion_stiffness"), MODEL, NOISE, LABELS)
+    names, state = parameters.names, State(root, NOISE)
+    values, stiffness = np.array(parameters.values(parameters.start(state))), 5e4
+    factors = np.exp([0.1, -0.7, 0.3])
+    standing = float(MODEL.lesion.viscoelasticity.branch_modulus.value)
+    for factor, label in zip(factors, LABELS, strict=True):
+        values[names.index(f"lesion_stiffness[{label}]")] = factor * standing
+    model = parameters.write(state, jnp.asarray(values)).model
+    apart = FastPrediction((Part(rows=(0, 3)), Part(rows=(1,)), Part(rows=(2, 4))), 5, True)
+    np.testing.assert_allclose(apart(model), standing * factors[[0, 1, 2, 0, 2]], rtol=1e-12)
+    np.testing.assert_allclose(apart.excess(model), 0.7, rtol=1e-9)
+    together = FastPrediction((Part(rows=(0, 1, 2)),), 3, True)
+    softer = eqx.tree_at(lambda m: m.lesion.viscoelasticity.branch_modulus.value, MODEL, stiffness)
+    np.testing.assert_allclose(together(softer), stiffness)
+
+
+def test_draws_at_the_edge_of_what_is_covered_are_counted():
+    """Of points that are the logarithm of a constant over the model's own, two of five."""
+    one = section("lesion_stiffness", "model.lesion.viscoelasticity.branch_modulus.value", 0.5)
+    free = free_parameters(differing(parameters=(one,)), MODEL, {})
+    prediction = FastPrediction((Part(rows=(0,)),), 1, True)
+    measured = Measurement("hmi", prediction, np.zeros(1), unordered(1), NoiseModel(additive=1.0))
+    made = HmiProblem(Problem(free, MODEL, (measured,)), prediction, discretise(DESCRIBED.model(), refinement=0.4))
+    assert made.near_edge(np.array([[0.0], [0.96], [-0.98], [1.5], [-0.5]])) == pytest.approx(0.4)
+
+
+def test_of_every_draw_one_sonication_is_learnt_in_turn():
+    """The first of the first, the second of the second, and so on, each as often as the others."""
+    parameters, root = population(differing("lesion_stiffness"), MODEL, NOISE, LABELS)
+    state, names = State(root, NOISE), parameters.names
+    values = np.array(parameters.values(parameters.start(state)))
+    for number, label in enumerate(LABELS):
+        values[names.index(f"lesion_stiffness[{label}]")] = 1e4 * (1.0 + number)
+    draw = parameters.write(state, jnp.asarray(values)).model
+    learnt = _one_of_each([draw] * 5)
+    found = [float(model.lesion.viscoelasticity.branch_modulus.value) for model in learnt]
+    np.testing.assert_allclose(found, [1e4, 2e4, 3e4, 1e4, 2e4], rtol=1e-12)
+    assert _one_of_each([MODEL, MODEL]) == [MODEL, MODEL]
 
 
 @pytest.mark.parametrize(

@@ -62,6 +62,14 @@ def test_course_is_that_of_the_closed_form(heating):
     assert np.abs(np.asarray(got) - exact_rise(heating, times)).max() < COURSE_ACCURACY
 
 
+def test_a_course_is_that_of_the_closed_form_at_five_times():
+    """Before the heat, in it, at its end and after it; the others, at the ends of the range, take longer."""
+    times = np.asarray([4.0, 20.0, 58.3, 80.0, 127.0])
+    got = np.asarray(jax.jit(temperature_rise)(jax.tree.map(jnp.asarray, TRUTH), times))
+    np.testing.assert_allclose(got, exact_rise(TRUTH, times), atol=COURSE_ACCURACY * TRUTH.amplitude)
+    assert got[0] == 0.0 and got[2] == pytest.approx(TRUTH.amplitude, rel=1e-9)
+
+
 def test_a_region_is_absorbed_by_the_width():
     """As the model's docstring says: w^2 adds to a^2 and to b^2, and nothing else changes."""
     times, region = np.linspace(10.0, 120.0, 5), 0.8
@@ -146,6 +154,66 @@ def test_measured_heating_of_60_s():
     hidden = np.where(data.occluded, 99.0, data.temperature)
     again = fit_heating(dataclasses.replace(data, temperature=hidden), baseline=37.0, seed=3, n_starts=1)
     np.testing.assert_allclose(again.values, fit.values, rtol=1e-3)
+
+
+LINEAR_TIME = np.linspace(0.0, 120.0, 37)
+LINEAR_TRUTH = np.array([7.0, np.log(20.0), np.log(5.0), 5.0, 50.0])
+"""Amplitude, logarithms of diffusion time and ratio, start, duration."""
+
+
+def linear_course(constants, time):
+    """A course that is linear in the coordinates of `LINEAR_TRUTH`, in place of one that takes long to compile."""
+    away = [constants[k] - LINEAR_TRUTH[k] for k in (1, 2, 3, 4)]
+    waves = [
+        0.5 * jnp.sin(time / 9.0),
+        0.4 * jnp.cos(time / 5.0),
+        0.1 * jnp.sin(time / 3.0),
+        0.02 * jnp.cos(time / 17.0),
+    ]
+    hump = constants[0] * jnp.exp(-(((time - 60.0) / 40.0) ** 2))
+    return hump + sum(change * wave for change, wave in zip(away, waves, strict=True))
+
+
+@pytest.mark.parametrize("stated", [False, True])
+def test_what_a_linear_course_says_is_what_regression_says(monkeypatch, stated):
+    """Errors, the range of the ratio and the noise in closed form; a row that was not seen counts for nothing."""
+    monkeypatch.setattr(
+        thermometry_fit,
+        "temperature_rise",
+        lambda h, time: linear_course(
+            (h.amplitude, jnp.log(h.diffusion_time), jnp.log(h.diffusion_time_ratio), h.start, h.duration), time
+        ),
+    )
+    random = np.random.default_rng(2)
+    sd = np.where(np.arange(37) % 2, 0.05, 0.15)
+    temperature = 37.0 + np.asarray(linear_course(LINEAR_TRUTH, LINEAR_TIME)) + sd * random.normal(size=37)
+    seen = np.arange(37) != 0
+    temperature[~seen] += 20.0
+    data = ThermometryData(Path("x.csv"), LINEAR_TIME, temperature, None, None, sd if stated else None, ~seen)
+    found = fit_heating(data, baseline=37.0, n_starts=1)
+
+    zero = np.asarray(linear_course(np.zeros(5), LINEAR_TIME))
+    design = np.stack([np.asarray(linear_course(axis, LINEAR_TIME)) - zero for axis in np.eye(5)], axis=1)[seen]
+    weights = 1.0 / sd[seen] if stated else np.ones(36)
+    target = (temperature - 37.0 - zero)[seen]
+    best = np.linalg.lstsq(design * weights[:, None], target * weights, rcond=None)[0]
+    left = target - design @ best
+    variance = 1.0 if stated else left @ left / 31.0
+    error = np.sqrt(variance * np.diag(np.linalg.inv((design * weights[:, None] ** 2).T @ design)))
+    scale = np.array([1.0, np.exp(best[1]), np.exp(best[2]), 1.0, 1.0])
+    values = np.where([False, True, True, False, False], scale, best)
+    assert found.converged and not found.ratio_doubt
+    np.testing.assert_allclose((found.values - values) / (scale * error), 0.0, atol=0.01)
+    np.testing.assert_allclose(found.uncertainty.standard_errors, scale * error, rtol=1e-3)
+    # Chi-square of one constant, the others fitted again, is a parabola in the ratio's logarithm here.
+    expected = np.exp(best[2] + error[2] * np.sqrt(3.84) * np.array([-1.0, 1.0]))
+    np.testing.assert_allclose(found.ratio_range, expected, rtol=2e-3)
+    np.testing.assert_allclose(found.rms, np.sqrt(np.mean(left**2)), rtol=1e-3)
+    np.testing.assert_allclose(found.noise_sd, np.sqrt(left @ left / 31.0), rtol=1e-3)
+    np.testing.assert_allclose(found.autocorrelation, left[1:] @ left[:-1] / (left @ left), atol=1e-3)
+    np.testing.assert_allclose(found.residuals[seen], left, atol=1e-3)
+    assert found.residuals[0] > 15.0 and found.baseline == 37.0 and not found.baseline_unseen
+    np.testing.assert_allclose(found.curve[[0, -1]], found.fitted[[0, -1]], rtol=1e-9)
 
 
 def test_refits_that_did_not_converge_put_the_range_in_doubt(monkeypatch):

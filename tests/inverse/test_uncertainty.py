@@ -82,3 +82,13 @@ def test_a_constant_that_is_not_told_by_itself_is_no_joint_change():
     three = (*PARAMETERS, Parameter("bend", "Pa", Identity()))
     found = judge(np.column_stack([LINE, bend]), 0.1 * np.sin(40.0 * X), [5.0, 3.0, 1.0], three)
     assert found.remarks == ("The data hardly tell bend: changed by itself, it leaves the fit all but the same.",)
+
+
+def test_fewer_data_than_constants_leave_a_direction_open():
+    """Two data feel a + c and b + c: nothing is known of (1, 1, -1), however small their deviations."""
+    jacobian = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]) / 1e-3
+    three = (*PARAMETERS, Parameter("bend", "Pa", Identity()))
+    found = judge(jacobian, np.zeros(2), [1.0, 1.0, 0.5], three, in_standard_deviations=True)
+    assert np.all(found.standard_errors > 1e3) and set(found.not_identified) == {"intercept", "slope", "bend"}
+    # In percent of the values, of which the last is half as large.
+    assert "a joint change of intercept by -0.5 %, slope by -0.5 %, bend by +1 %" in found.remarks[0]

@@ -73,7 +73,30 @@ def test_everything_is_written(measured, tmp_path, capsys):
         if row["parameter"] == "relaxation_time" and row["model"] == "fractional" and row["unit"] == "s"
     ]
     np.testing.assert_allclose([float(row["estimate"]) for row in taus], [1.23e-2, 8.0e-3] * 2, rtol=1e-6)
+    by_fit = {
+        (row["residuals"], row["model"], row["temperature_c"]): row
+        for row in rows
+        if row["parameter"] == "relaxation_time"
+    }
+    assert {(row["n_points"], row["n_starts"], row["converged"]) for row in rows} == {("12", "6", "true")}
+    assert {row["identified"] for row in rows if row["model"] == "fractional"} == {"true"}
     with xr.open_dataset(out / "fit.nc", engine="h5netcdf") as dataset:
+        # The conventional solid does not fit: its misfit and its errors are the same in every file.
+        at = {"sweep": 1, "residuals": 1}
+        storage, loss = (dataset[f"zener_{kind}_modulus"].isel(at).to_numpy()[:12] for kind in ("storage", "loss"))
+        fitted = storage + 1j * loss
+        actual = (dataset["measured_storage_modulus"] + 1j * dataset["measured_loss_modulus"])[1].to_numpy()[:12]
+        stated = by_fit["linear", "zener", "50.000"]
+        sums = {
+            "sse_log": np.sum(np.abs(np.log(fitted / actual)) ** 2),
+            "sse_linear_pa2": np.sum(np.abs(fitted - actual) ** 2),
+            "sse_relative": np.sum((np.abs(fitted / actual) - 1.0) ** 2),
+        }
+        assert {name: float(stated[name]) for name in sums} == pytest.approx(sums, rel=1e-4)
+        error = float(dataset["zener_relaxation_time_standard_error"].isel(at))
+        assert float(stated["standard_error"]) == pytest.approx(error, rel=1e-3)
+        assert float(stated["estimate"]) == pytest.approx(float(dataset["zener_relaxation_time"].isel(at)), rel=1e-6)
+        assert int(stated["n_agreeing"]) in range(1, 7) and error < float(stated["estimate"])
         assert dataset["fractional_relaxation_time"].attrs["units"] == "s"
         difference = dataset["fractional_storage_modulus"] - dataset["measured_storage_modulus"]
         assert float(np.abs(difference).max()) < 1e-2 and dataset["temperature"].size == 3

@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,14 +12,17 @@ from arfjax import InputError
 from inverse.commands import infer as command
 from inverse.commands.infer import Across
 from inverse.commands.infer import _sweeps as infer_command_sweeps
-from inverse.commands.infer_report import parameter_rows
+from inverse.commands.infer_report import parameter_rows, report, results, write_parameters
 from inverse.commands.main import run
 from inverse.datasets.shipped import shipped
+from inverse.fast_hmi import Verification
 from inverse.inference.dma import dma_problem
 from inverse.inference.experiment import _SCALED
-from inverse.sampling import load_posterior
+from inverse.inference.profile import Stop
+from inverse.sampling import Evidence, diagnose_draws, load_posterior
 from inverse.study import Effort, Sampler, infer
-from tests.inverse.sampling.conjugate import conjugate_problem
+from tests.inverse.sampling.conjugate import conjugate_problem, exact_posterior
+from tests.inverse.sampling.test_evidence import exact_draws
 
 POLYMER = str(shipped("pyvisco_polymer"))
 HMI = str(shipped("suomi2016_hmi"))
@@ -182,6 +186,78 @@ def test_the_level_of_profiles_stands_above_them():
     assert header[4] == "profile, 90 %" and " to " in rows[0][4]
     header, rows = parameter_rows(dataclasses.replace(study, profiles=()))
     assert header[4] == "profile" and not rows[0][4]
+
+
+@pytest.fixture(scope="module")
+def studied():
+    """A linear model with all that a study can hold, whose numbers are known."""
+    problem = conjugate_problem()
+    study = infer(problem, sampler=Sampler.NONE, effort=Effort(starts=2))
+    draws = exact_draws(problem)
+    weighed = Evidence(-12.5, 0.03, 0.9, True, ("it is doubtful.",))
+    return dataclasses.replace(study, draws=draws, diagnostics=diagnose_draws(problem, draws), evidence=weighed)
+
+
+def test_numbers_of_a_study_stand_in_their_columns(studied, tmp_path):
+    """Fit, profile and posterior of a normal posterior are the same three times over."""
+    mean, covariance, _ = exact_posterior(studied.problem)
+    write_parameters(tmp_path / "parameters.csv", studied)
+    with (tmp_path / "parameters.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["parameter"] for row in rows] == [f"coefficient_{k}" for k in range(3)]
+    for row, centre, sd in zip(rows, mean, np.sqrt(np.diag(covariance)), strict=True):
+        shown = {name: float(row[name]) for name in row if name.startswith(("profile_l", "profile_u", "posterior"))}
+        assert float(row["estimate"]) == pytest.approx(centre, abs=1e-4 * sd)
+        assert float(row["standard_error"]) == pytest.approx(sd, rel=1e-4)
+        assert shown["profile_lower"] == pytest.approx(centre - 1.96 * sd, abs=0.01 * sd)
+        assert shown["profile_upper"] == pytest.approx(centre + 1.96 * sd, abs=0.01 * sd)
+        assert row["profile_level"] == "0.95" and row["profile_ends"] == "reached the level; reached the level"
+        assert shown["posterior_mean"] == pytest.approx(centre, abs=0.1 * sd)
+        assert shown["posterior_median"] == pytest.approx(centre, abs=0.1 * sd)
+        assert shown["posterior_sd"] == pytest.approx(sd, rel=0.1)
+        assert shown["posterior_5_percent"] == pytest.approx(centre - 1.645 * sd, abs=0.15 * sd)
+        assert shown["posterior_95_percent"] == pytest.approx(centre + 1.645 * sd, abs=0.15 * sd)
+        assert 0.99 < float(row["r_hat"]) < 1.01 and min(float(row["bulk_ess"]), float(row["tail_ess"])) > 3000.0
+        assert row["unit"] == "m" and row["prior"].startswith("normal, ") and row["profile_converged"] == "True"
+
+
+def test_what_a_summary_and_a_report_hold_of_a_study(studied):
+    """Verified curves that differ by 0.4 percent are as they should be; by 0.6, they are not."""
+    near, far = (Verification(np.array([[1.0, 1.0 + e]]), np.ones((1, 2)), np.ones(1, bool)) for e in (4e-3, 6e-3))
+    found = results(studied, near, "a remark")
+    assert found["log_evidence"] == {"value": -12.5, "unit": "nats", "standard_error": 0.03, "converged": True}
+    assert found["posterior"]["draws"] == 4000 and found["posterior"]["stopping_rule_met"] is True
+    assert found["fast_model"] == {"models": 1, "largest_error": pytest.approx(4e-3)}
+    assert found["warnings"] == ["Evidence: it is doubtful.", "a remark"]
+    values, errors = studied.estimates
+    np.testing.assert_allclose([each["value"] for each in found["parameters"].values()], values)
+    np.testing.assert_allclose([each["standard_error"] for each in found["parameters"].values()], errors)
+    texts = [report(studied, {"dma": Path("a/sweep.csv")}, ["20.0 degC"], [], each, "a remark") for each in (near, far)]
+    for text in texts:
+        assert "# Inference from sweep.csv" in text and "Sweeps: 20.0 degC." in text and "- a remark" in text
+        assert "- log evidence -12.500 ± 0.03 nats" in text and "- it is doubtful." in text
+        assert "Nothing was found wrong with it." in text and "| coefficient_2 | normal, 0.6 ± 1.5 m | " in text
+    assert "differ by 0.4 % of their largest value at most." in texts[0]
+    assert "differ by 0.6 % of their largest value at most, more than the 0.5 % that it is meant to keep" in texts[1]
+
+
+@pytest.mark.parametrize(
+    ("stops", "said"),
+    [
+        ((Stop.CROSSED, Stop.CROSSED), "1 to 2"),
+        ((Stop.CROSSED, Stop.FLAT), "> 1"),
+        ((Stop.BOUND, Stop.CROSSED), "< 2"),
+        ((Stop.FLAT, Stop.FLAT), "open"),
+    ],
+)
+def test_an_interval_has_no_end_where_the_data_set_no_limit(studied, stops, said):
+    one = dataclasses.replace(studied.profiles[0], interval=(1.0, 2.0), stops=stops, unfinished=(0, 1))
+    _, rows = parameter_rows(dataclasses.replace(studied, profiles=(one,)))
+    assert rows[0][4] == f"{said} ?" and rows[1][4] == ""
+    _, (sound, *_) = parameter_rows(
+        dataclasses.replace(studied, profiles=(dataclasses.replace(one, unfinished=(0, 0)),))
+    )
+    assert sound[4] == said
 
 
 @pytest.mark.slow

@@ -39,6 +39,7 @@ def test_canonical_file(tmp_path):
         ("omega_rad_s\ttemp_C\tEp_MPa\tEpp_MPa", "6.283185307179586\t37\t0.0015\t0.0002"),
         ("# exported\n\nfreq,temperature_k,storage modulus (Pa),loss modulus (Pa)", "1,310.15,1500,200"),
         ("frequency (rad/s),temp,E′ MPa,E″ MPa", "6.283185307179586,37,0.0015,0.0002"),
+        ("Frequency (kHz),temp,E′ MPa,E″ MPa", "0.001,37,0.0015,0.0002"),
         ("﻿FREQUENCY_HZ,Temperature_C,Storage_Modulus_GPa,Loss_Modulus_kPa,note", "1,37,1.5e-6,0.2,x"),
     ],
 )

@@ -32,6 +32,7 @@ def test_canonical_file(tmp_path):
         ("t_s,T_avg_C", ("0,37", "60,40")),
         ("Time (min);Temperature [K]", ("0;310.15", "1;313.15")),
         ("# exported\n\ntime_ms\tmean_temperature_c", ("0\t37", "60000\t40")),
+        ("time_h,temperature_c", ("0,37", "0.016666666666666666,40")),
         ("t,T\ns,C", ("0,37", "60,40")),
         ("﻿TIME_MIN,temp,note", ("0,37,x", "1,40,y")),
     ],

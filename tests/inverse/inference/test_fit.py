@@ -7,12 +7,13 @@ import pytest
 from arfjax import FractionalZener, InputError, complex_modulus
 from inverse.datasets.dma import dma_data, group_sweeps
 from inverse.inference.dma import dma_problem
-from inverse.inference.fit import Method, fit, judge
+from inverse.inference.fit import Method, _ends, fit, judge
 from inverse.inference.noise import NoiseModel, unordered
 from inverse.inference.parameter_set import ParameterSet, parameter
 from inverse.inference.problem import Measurement, Problem
+from inverse.least_squares import MultiStart
 from inverse.priors import Normal, Uniform
-from inverse.transforms import Interval, Positive
+from inverse.transforms import Identity, Interval, LogInterval, Positive
 
 RNG = np.random.default_rng(8)
 X = np.linspace(-1.0, 2.0, 12)
@@ -85,6 +86,26 @@ def test_a_bound_that_binds_is_reached_and_named():
     # Of the offset alone, because the slope stays where it is.
     np.testing.assert_allclose(found.uncertainty.standard_errors[0], 0.3 / np.sqrt(12.0), rtol=1e-6)
     assert "ran to the lower end of its range" in found.uncertainty.not_identified["slope"]
+
+
+def test_only_what_lies_on_its_bound_is_said_to():
+    """Values whose sizes differ by powers of ten: a share of 0.3 and a time of half a millisecond are no bounds."""
+    entries = (
+        parameter("size", "model.size", "Pa", transform=Positive(1e9)),
+        parameter("share", "model.share", "1", transform=Positive(1.0)),
+        parameter("time", "model.time", "s", transform=LogInterval(1e-9, 1e6)),
+        parameter("order", "model.order", "1", transform=Interval(0.0, 1.0)),
+        parameter("free", "model.free", "1", transform=Identity()),
+    )
+    problem = Problem(ParameterSet(entries), {}, ())
+    none = MultiStart(np.zeros((1, 5)), np.zeros(1), np.zeros(1, int), np.zeros(1, int))
+
+    def ends(*values):
+        return _ends(problem, none, np.array(values), Method.L_BFGS_B)
+
+    assert ends(2e9, 0.3, 5e-4, 0.5, 0.0) == [None] * 5
+    assert ends(0.0, 1e-12, 1e-9 * (1.0 + 1e-12), 1e-12, -1e9) == ["lower"] * 4 + [None]
+    assert ends(1e12, 1e12, 1e6 * (1.0 - 1e-12), 1.0 - 1e-12, 1e9) == [None, None, "upper", "upper", None]
 
 
 def test_methods_that_do_not_go_with_the_problem_are_refused():

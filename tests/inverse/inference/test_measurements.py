@@ -1,22 +1,30 @@
 """Measurements: what data in percent say of their reference, and what two of them say together."""
 
+import dataclasses
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 from scipy import stats
 
-from arfjax import complex_modulus, read_experiment
+from arfjax import FractionalZener, complex_modulus, read_experiment
 from inverse.datasets.dma import dma_data, group_sweeps
 from inverse.datasets.hmi import HmiData
 from inverse.datasets.shipped import shipped
 from inverse.inference.dma import FIRST_DEVIATION, dma_measurement, of_liver
-from inverse.inference.experiment import anchored, inference_problem, inference_settings
+from inverse.inference.experiment import (
+    ParameterSection,
+    PriorSection,
+    anchored,
+    free_parameters,
+    inference_problem,
+    inference_settings,
+)
 from inverse.inference.fit import fit
 from inverse.inference.hmi import FIRST_RELATIVE_DEVIATION, hmi_measurement, used_rows
 from inverse.inference.noise import NoiseModel, unordered
 from inverse.inference.parameter_set import ParameterSet, parameter
-from inverse.inference.problem import Measurement, Problem
+from inverse.inference.problem import Measurement, Problem, State
 from inverse.transforms import Positive
 
 TEMPERATURE = np.array([37.0, 50.0, 70.0, 37.0, 60.0])
@@ -59,6 +67,8 @@ def test_the_reading_that_a_curve_over_time_was_divided_by_is_no_datum():
         expected = [137.5, 75.0, 50.0, 90.0 * size, 50.0 * size]
         np.testing.assert_allclose(measured.predict({"size": size}), expected, rtol=1e-12)
     assert list(measured.series.group) == [0, 0, 0, 1, 1] and list(measured.series.previous) == [-1, 0, 1, -1, 3]
+    # Of the gaps of 20, 20 and 25 s the usual one is 20.
+    np.testing.assert_allclose(measured.series.gap, [1.0, 1.0, 1.0, 1.0, 1.25])
     in_metres = hmi_measurement(
         in_time(1e-8 * np.full(6, 100.0), in_percent=False), lambda model: curve, reference_temperature=37.0
     )
@@ -81,6 +91,47 @@ def test_curves_in_percent_share_the_error_of_their_reference():
     expected = stats.multivariate_normal(prediction, covariance).logpdf(np.asarray(measured.measured))
     found = measured.noise.log_likelihood(measured.measured, jnp.asarray(prediction), measured.series)
     np.testing.assert_allclose(found, expected, rtol=1e-10)
+
+
+def test_sweeps_are_series_of_their_own_with_all_moduli_before_all_phases():
+    """Of two sweeps, three and two frequencies: neighbours within each, deviations beside what they are of."""
+    frequency, temperature = np.array([1.0, 2.0, 4.0, 3.0, 6.0]), np.array([20.0, 20.0, 20.0, 50.0, 50.0])
+    moduli = np.array([[3.0, 4.0], [5.0, 2.0], [6.0, 1.0], [2.0, 2.0], [4.0, 3.0]])
+    data = dma_data(frequency, temperature, moduli)
+    known = dataclasses.replace(data, storage_modulus_sd=0.1 * moduli[:, 0], loss_modulus_sd=0.1 * moduli[:, 1])
+    solids = {20.0: FractionalZener(1.0, 7.0, 0.1, 0.5), 50.0: FractionalZener(2.0, 5.0, 0.2, 0.5)}
+    measured = dma_measurement(group_sweeps(known), lambda model, sweep, at: model[sweep])
+    modulus = moduli[:, 0] + 1j * moduli[:, 1]
+    np.testing.assert_allclose(measured.measured, [*np.log(np.abs(modulus)), *np.angle(modulus)], rtol=1e-12)
+    np.testing.assert_array_equal(measured.series.previous, [-1, 0, 1, -1, 3, -1, 5, 6, -1, 8])
+    np.testing.assert_array_equal(measured.series.coordinate, np.tile(frequency, 2))
+    predicted = np.concatenate([np.asarray(complex_modulus(s, 2.0 * np.pi * f)) for s, f in (
+        (solids[20.0], frequency[:3]), (solids[50.0], frequency[3:]),
+    )])  # fmt: skip
+    found = measured.predict(tuple(solids.values()))
+    np.testing.assert_allclose(found, [*np.log(np.abs(predicted)), *np.angle(predicted)], rtol=1e-9)
+    # Ten percent of each part: d log |M| = (S dS + L dL) / |M|^2, and the phase has S dL - L dS.
+    squared, (storage, loss) = np.abs(modulus) ** 2, moduli.T
+    along, across = 0.1 * np.hypot(storage**2, loss**2) / squared, 0.1 * np.sqrt(2.0) * storage * loss / squared
+    np.testing.assert_allclose(measured.noise.known, [*along, *across], rtol=1e-12)
+    assert float(dma_measurement(group_sweeps(data), lambda *_: None).noise.additive) == FIRST_DEVIATION
+
+
+def test_anchors_leave_the_attenuation_as_it_is_and_a_factor_is_believed_to_be_one():
+    described = read_experiment(shipped("suomi2016_experiment"))
+    settings = inference_settings(described, "suomi2016_experiment")
+    model, before = anchored(described.model(), settings), described.model().liver.attenuation
+    np.testing.assert_allclose(model.liver.attenuation.evaluate(58.0), before.evaluate(58.0), rtol=1e-9)
+    np.testing.assert_allclose(model.liver.attenuation.values[1], before.evaluate(45.0), rtol=1e-12)
+    prior = PriorSection(kind="log-normal", log_sd=0.3)
+    place = "model.lesion.viscoelasticity.branch_modulus.value"
+    for relative, median in ((True, 1.0), (False, float(model.lesion.viscoelasticity.branch_modulus.value))):
+        section = ParameterSection(name="a", place=place, relative=relative, prior=prior)
+        free = free_parameters(settings.model_copy(update={"parameters": (section,)}), model, {})
+        assert float(free.entries[0].parameter.prior.median) == median
+        changed = free.write(State(model, {}), jnp.asarray([1.5 * median])).model
+        expected = 1.5 * float(model.lesion.viscoelasticity.branch_modulus.value)
+        np.testing.assert_allclose(changed.lesion.viscoelasticity.branch_modulus.value, expected, rtol=1e-12)
 
 
 def test_what_one_measurement_leaves_open_another_closes():

@@ -18,10 +18,10 @@ from inverse.inference.parameter_set import ParameterSet, Varying, parameter
 from inverse.inference.problem import Measurement, Problem
 from inverse.inference.profile import Stop, profile
 from inverse.parameters import Parameter
-from inverse.priors import LogNormal
+from inverse.priors import LogNormal, Normal
 from inverse.reproduction.moduli import modulus_magnitude
 from inverse.reproduction.zener_table import fitted_frequencies
-from inverse.transforms import Positive
+from inverse.transforms import Interval, Positive
 
 FREQUENCY = np.geomspace(0.1, 100.0, 16)
 
@@ -88,9 +88,35 @@ def test_profile_of_a_straight_line_is_the_normal_interval():
         line = profile(found, name, level=0.9)
         half = 1.6448536 * found.uncertainty.standard_errors[place]
         np.testing.assert_allclose(line.interval, found.values[place] + half * np.array([-1.0, 1.0]), atol=2e-3 * half)
-        assert line.is_closed
+        assert line.is_closed and line.warnings == () and np.all(np.diff(line.values) > 0.0)
+    # Of a fit whose cost is not the lowest the minimum was missed, and no interval about it means anything.
+    missed = profile(dataclasses.replace(found, cost=found.cost + 1.0), "slope")
+    assert missed.stops == (Stop.LOWER_MINIMUM, Stop.LOWER_MINIMUM) and not missed.is_closed
+    said = "side found a lower cost than the fit: fit again from more starts."
+    assert missed.warnings == (f"Profile of slope: the lower {said}", f"Profile of slope: the upper {said}")
     with pytest.raises(InputError, match="must lie between 0 and 1, such as 0.95, got 95"):
         profile(found, "slope", level=95.0)
+
+
+@pytest.mark.parametrize(("noise", "open_ones"), [(0.5, ["a"]), (0.05, [])])
+def test_a_range_is_determined_if_the_data_know_it_better(noise, open_ones):
+    """Of a value with a normal prior of 0.1, and of one between -2 and 2, from nine data of each."""
+    entries = (
+        parameter("a", "model.a", "m", Normal(0.0, 0.1)),
+        parameter("b", "model.b", "m", transform=Interval(-2.0, 2.0)),
+    )
+    measured = Measurement(
+        "both",
+        lambda model: jnp.stack([model["a"], model["b"]])[jnp.asarray([0] * 9 + [1] * 9)],
+        jnp.zeros(18),
+        unordered(18),
+        NoiseModel(additive=noise),
+    )
+    found = identify(Problem(ParameterSet(entries), {"a": 0.0, "b": 0.0}, (measured,)), np.zeros(2))
+    assert [sentence.split(" is not determined")[0] for sentence in found.sentences] == open_ones
+    deviation = noise / 3.0
+    np.testing.assert_allclose(found.eigenvalues, [(4.0 / deviation) ** 2, (0.1 / deviation) ** 2], rtol=1e-8)
+    np.testing.assert_allclose(found.condition_number, 1600.0, rtol=1e-8)
 
 
 def test_profile_says_that_there_is_no_limit():

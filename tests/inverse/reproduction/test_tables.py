@@ -1,14 +1,19 @@
 """The paper's own arithmetic, recomputed: each number is one that can be checked by hand from its tables."""
 
+import csv
 import math
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from arfjax import suomi2016
+from arfjax import StepwiseResult, suomi2016
 from inverse import reproduction
+from inverse.commands import reproduction_report
+from inverse.commands.reproduction_report import write_readings, write_rows, write_variations
 from inverse.datasets.hmi import read_hmi
 from inverse.datasets.shipped import shipped
+from inverse.reproduction import Case, Reading, SecondStudy, Variation
 from inverse.reproduction.row import Row, half_of_last_digit
 
 
@@ -190,6 +195,119 @@ def test_the_water_of_table_1_is_at_20_degc():
     (row,) = reproduction.layer_rows()
     assert row.here == pytest.approx(20.0, abs=0.5) and row.verdict == "differs"
     assert reproduction.water_sound_speed(25.0) == pytest.approx(1496.7, abs=0.05)  # a handbook's value
+
+
+def power_law() -> SecondStudy:
+    """Displacement that goes as the inverse of the modulus and falls exponentially with attenuation."""
+    modulus, attenuation = np.geomspace(5.0, 155.0, 40), np.linspace(0.3, 1.5, 25)
+    return SecondStudy(modulus, attenuation, 1e-6 / modulus[:, None] * np.exp(-2.0 * attenuation)[None, :])
+
+
+def test_the_second_study_on_a_map_that_is_a_power_law():
+    """Between its points the map is exact, since its logarithm is linear in those of the modulus and in attenuation."""
+    study, table = power_law(), suomi2016.TABLE_1_ACOUSTIC["liver"].attenuation_db_per_cm_mhz
+    rise = suomi2016.TEXT_ABLATION_ATTENUATION_RATIO
+    assert rise == pytest.approx(2.1)
+    assert study.at(17.0, 0.77) == pytest.approx(1e-6 / 17.0 * np.exp(-1.54), rel=1e-9)
+    softened = np.exp(-2.0 * (rise - 1.0) * table)
+    assert study.ratio(10.0, 4.0) == pytest.approx(softened / 4.0, rel=1e-9)
+    assert study.factor_for(0.5 * softened, 10.0) == pytest.approx(2.0, rel=1e-4)
+    assert np.isnan(study.factor_for(2.0 * softened, 10.0)) and np.isnan(study.factor_for(0.01 * softened, 10.0))
+    assert study.power_for(9e-6, 10.0) == pytest.approx(90.0 * np.exp(2.0 * table), rel=1e-9)
+    data = study.dataset()
+    np.testing.assert_allclose(data["branch_modulus"][[0, -1]], [5e3, 155e3])
+    # A decibel per centimetre is ln(10) / 20 nepers in a hundredth of a metre.
+    np.testing.assert_allclose(data["attenuation"][0], 0.3 * 100.0 * np.log(10.0) / 20.0, rtol=1e-12)
+
+
+def test_misfit_of_a_reading_is_the_root_mean_square_at_the_stated_temperatures():
+    stated = suomi2016.TEXT_SIMULATED_DISPLACEMENT_PERCENT
+    percent = tuple(stated.get(temperature, 0.0) for temperature in reproduction.TEMPERATURES)
+    exact = Reading("beam", Case(), percent, 1e-6)
+    assert exact.misfit == 0.0 and exact.at(70.0) == stated[70.0]
+    away = tuple(
+        value - 10.0 if t == 70.0 else value for t, value in zip(reproduction.TEMPERATURES, percent, strict=True)
+    )
+    off = Reading("beam", Case("dose"), away, 2e-6)
+    assert off.misfit == pytest.approx(10.0 / np.sqrt(len(stated)))
+    assert reproduction.find([exact, off], "be", Case("dose")) is off
+    forces = {t: jnp.asarray([[1.0, 2.0]]) * (1.0 + 0.01 * (t - 35.0)) for t in reproduction.TEMPERATURES}
+    read = reproduction.reading("b", Case(), {t: jnp.asarray([[3.0, 0.5]]) for t in reproduction.TEMPERATURES}, forces)
+    assert read.first_displacement == pytest.approx(4.0) and read.at(60.0) == pytest.approx(125.0)
+
+
+def test_measured_values_are_compared_in_percent_of_37_degc(tmp_path):
+    """A stepwise curve that falls by one per kelvin from 100 at 35 degC, and a watched one that ends at 45."""
+    temperature = jnp.asarray([35.0, 37.0, 55.0])
+    moved = 1e-8 * (135.0 - temperature)
+    pushed = StepwiseResult(temperature, temperature, jnp.stack([0.0 * moved, moved], axis=1), *2 * [0.0 * moved])
+    path = tmp_path / "hmi.csv"
+    path.write_text("sonication,temperature_c,displacement_percent\n1,40,97\n1,50,80\n2,60,70\n")
+    rows = by_quantity(reproduction.measured_rows(read_hmi(path), pushed, {37.0: 200.0, 45.0: 184.0}))
+    assert {name: (row.paper, row.here) for name, row in rows.items()} == {
+        "sonication 1 at 40 degC, stepwise pushes": (97.0, pytest.approx(100.0 * 95.0 / 98.0)),
+        "sonication 1 at 40 degC, transient, 50 Hz": (97.0, pytest.approx(100.0 * 194.0 / 200.0)),
+        "sonication 1 at 50 degC, stepwise pushes": (80.0, pytest.approx(100.0 * 85.0 / 98.0)),
+    }
+    here = reproduction.percent_of_first(pushed)
+    assert here == {35.0: pytest.approx(100.0), 37.0: pytest.approx(98.0), 55.0: pytest.approx(80.0)}
+
+
+def test_size_of_a_beam_is_where_it_has_fallen_to_a_quarter():
+    """Of a Gaussian off the middle of the map: exp(-x^2 / a^2) is a quarter at a sqrt(ln 4) on both sides."""
+    r, z = np.linspace(0.0, 3e-3, 61), np.linspace(-5e-3, 13e-3, 121)
+    found = reproduction.beam_size(r, z, 7.0 * np.exp(-((r[:, None] / 1e-3) ** 2) - ((z[None, :] - 1e-3) / 4e-3) ** 2))
+    np.testing.assert_allclose(found, 2.0 * np.sqrt(np.log(4.0)) * np.array([1e-3, 4e-3]), rtol=3e-3)
+
+
+def test_the_largest_variation_is_that_which_moves_most_either_way():
+    """And the row of the paper's statement says how far, without a sign."""
+    found = [
+        Variation("dose", temperature, what, change, points)
+        for what, points_at in (
+            ("modulus", ((-1.0, 0.5), (-2.0, 1.9), (1.5, -3.0))),
+            ("attenuation", ((-6.0, 5.0), (-7.0, 6.5), (4.0, -20.0))),
+            ("attenuation, force only", ((0.1, 0.1), (0.1, 0.1), (0.1, -21.0))),
+            ("attenuation, path only", ((0.1, 0.1), (0.1, 0.1), (0.1, 0.75))),
+            ("attenuation, linear edge", ((1.0, -1.0), (1.0, -1.0), (1.0, -7.5))),
+            ("sound speed", ((0.1, 0.2), (0.3, -3.25), (0.1, 0.1))),
+            ("exponent", ((0.1, 0.2), (0.3, -0.4), (0.1, 0.1))),
+        )
+        for temperature, ends in zip((60.0, 65.0, 70.0), points_at, strict=True)
+        for change, points in zip((-0.25, 0.25), ends, strict=True)
+    ]
+    assert reproduction.largest(found, "attenuation").points == -20.0
+    assert reproduction.largest(found, "attenuation", 65.0).points == -7.0
+    rows = by_quantity(reproduction.variation_rows(found))
+    here = {name: (row.here, row.verdict) for name, row in rows.items()}
+    assert here["displacement, lesion's attenuation +-25 percent, lesion by dose"] == (20.0, "differs")
+    assert here["displacement at 70 degC, lesion's modulus +-25 percent, lesion by dose"][0] == 3.0
+    assert here["displacement, lesion's sound speed +-0.5 percent, lesion by dose"] == (3.25, "differs")
+    assert here["displacement, lesion's exponent +-25 percent, lesion by dose"] == (0.4, "agrees")
+    why = rows["displacement, lesion's attenuation +-25 percent, lesion by dose"].why
+    assert "70 degC (+25 percent: -20.00): the local force alone 21.00, the path through the lesion alone 0.75" in why
+
+
+def test_tables_of_the_reproduction_hold_what_is_compared(tmp_path):
+    rows = [Row("dose", "a", 50.0, 48.5, "degC", 1.0, "because"), Row("dose", "b", None, 2.0, "mm", 0.0, "so")]
+    write_rows(tmp_path / "rows.csv", rows)
+    first, second = csv.DictReader((tmp_path / "rows.csv").read_text().splitlines())
+    assert (first["paper"], first["here"], first["difference"], first["verdict"]) == ("50", "48.5", "-1.5", "differs")
+    assert (second["paper"], second["here"], second["difference"], second["verdict"]) == ("", "2", "", "not stated")
+    percent = tuple(float(number) for number in range(100, 92, -1))
+    write_readings(tmp_path / "readings.csv", [Reading("bowl", Case("dose", "sharp"), percent, 3e-6)])
+    paper, ours = csv.DictReader((tmp_path / "readings.csv").read_text().splitlines())
+    assert paper["percent_at_70_degc"] == "49" and paper["percent_at_50_degc"] == ""
+    assert (ours["lesion"], ours["edge"], ours["percent_at_35_degc"], ours["percent_at_70_degc"]) == (
+        "dose", "sharp", "100.00", "93.00",
+    )  # fmt: skip
+    assert ours["displacement_at_35_degc_um"] == "3"
+    write_variations(tmp_path / "variations.csv", [Variation("dose", 65.0, "modulus", -0.25, 1.5)])
+    (one,) = csv.DictReader((tmp_path / "variations.csv").read_text().splitlines())
+    assert (one["temperature_degc"], one["change_percent"], one["points"]) == ("65", "-25", "+1.500")
+    text = reproduction_report.report(rows, [Reading("bowl", Case(), percent, 3e-6)], [], ["a note"])
+    assert "0 of 1 numbers agree within the paper's rounding." in text and "- a note" in text
+    assert "| a | 50 | 48.5 | -1.5 | degC | differs | because |" in text
 
 
 def test_a_number_that_the_paper_does_not_give_has_no_verdict():

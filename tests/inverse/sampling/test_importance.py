@@ -67,6 +67,29 @@ def test_a_posterior_that_is_cut_off_is_told(found):
     assert "may be cut off" in drawn.message
 
 
+@pytest.mark.parametrize("deviations", [0.0, 1.5])
+def test_proposals_without_a_density_count_in_the_evidence_and_its_error(found, deviations):
+    """Of a posterior of which a share is cut off, in forty repetitions: unbiased, with the scatter that is stated."""
+    (measurement,) = PROBLEM.measurements
+    mean, covariance, exact = exact_posterior(PROBLEM)
+    limit = float(mean[0] + deviations * np.sqrt(covariance[0, 0]))
+
+    def covered(model):
+        return jnp.where(model.coefficients[0] < limit, measurement.predict(model), jnp.nan)
+
+    problem = dataclasses.replace(PROBLEM, measurements=(dataclasses.replace(measurement, predict=covered),))
+    expected = exact + stats.norm.logcdf(deviations)
+    runs = [sample_importance(problem, found, seed=seed, draws=20, evaluations=400) for seed in range(40)]
+    weighed = [importance_evidence(drawn) for drawn in runs]
+    distances = np.array([(each.log_evidence - expected) / each.standard_error for each in weighed])
+    assert all(float(drawn.settings["refused"]) > 0.02 for drawn in runs)
+    assert abs(np.mean(distances)) < 4.0 / np.sqrt(40.0) and 0.7 < np.std(distances) < 1.4
+    # Of n weights, zeros among them, that are worth m draws the mean has the relative variance 1 / m - 1 / n.
+    for drawn, each in zip(runs, weighed, strict=True):
+        expected_error = np.sqrt(1.0 / float(drawn.settings["effective_size"]) - 1.0 / 300.0)
+        np.testing.assert_allclose(each.standard_error, expected_error, rtol=1e-9)
+
+
 def test_draws_are_worth_what_their_weights_say(found):
     """Few weighted draws resampled many times are no better than few, in size and in error."""
     drawn = sample_importance(PROBLEM, found, seed=6, draws=2000, evaluations=160)

@@ -15,7 +15,8 @@ from inverse.figures import dma_panels, draw_corner, draw_overlap, draw_predicti
 from inverse.inference.dma import dma_problem
 from inverse.sampling import Draws, left_out, load_posterior, posterior_record, save_posterior
 from inverse.sampling.inference_data import groups_of
-from inverse.sampling.target import batched_log_density, prior_points
+from inverse.sampling.overlap import record_columns
+from inverse.sampling.target import batched_log_density, batched_values, prior_points
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +60,21 @@ def test_values_have_names_units_and_coordinates(problem, draws, record):
     np.testing.assert_array_equal(record["unconstrained_posterior"]["unconstrained"], draws.unconstrained)
     np.testing.assert_array_equal(record["sample_stats"]["lp"], draws.log_density)
     assert record["prior"]["relaxed_modulus"].shape == (1, 200, 2)
+
+
+def test_columns_of_a_record_are_its_values_one_by_one(problem, draws, record):
+    """Groups by their names, each with its own draws of the prior."""
+    columns = record_columns(record)
+    assert {one.name for one in columns} == set(problem.parameters.names)
+    values, groups = batched_values(problem, draws.flat), list(record["posterior"]["temperature"].to_numpy())
+    for one in columns:
+        place = problem.parameters.names.index(one.name)
+        np.testing.assert_allclose(one.posterior.ravel(), values[:, place], rtol=1e-12)
+        assert one.unit == problem.parameters.columns[place][1]
+        variable, _, group = one.name.partition("[")
+        believed = record["prior"][variable]
+        expected = believed[0] if not group else believed[0, :, groups.index(group.rstrip("]"))]
+        np.testing.assert_array_equal(one.prior, expected)
 
 
 def test_pointwise_terms_add_up_to_the_likelihood(problem, draws, record):
@@ -115,6 +131,7 @@ def test_files_give_back_what_went_in(record, tmp_path):
     assert dict(back.attrs) == dict(record.attrs)
     assert back.attrs["sampler"] == "test 1.0" and back.attrs["seed"] == 7 and back.attrs["sample"] == "polymer"
     assert back.attrs["stopping_reason"] == "as asked" and back.attrs["stopping_rule_met"] == 1
+    assert back.attrs["evaluations"] == 120 and back.attrs["seconds"] == 1.5 and back.attrs["sampler_warmup"] == 10
     assert back.attrs["jax_version"] == importlib.metadata.version("jax")
     assert [file.name for file in tmp_path.iterdir()] == ["posterior.nc"]
 

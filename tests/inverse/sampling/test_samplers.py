@@ -20,12 +20,16 @@ from arfjax import InputError
 from inverse import study
 from inverse.inference.parameter_set import parameter
 from inverse.inference.problem import Problem
+from inverse.inference.profile import Profile, Stop
 from inverse.priors import Normal, Uniform
 from inverse.sampling import (
+    Diagnostics,
+    Evidence,
     StopRule,
     default_walkers,
     diagnose_draws,
     laplace,
+    nuts,
     sample_ensemble,
     sample_nuts,
     walkers_from_laplace,
@@ -76,6 +80,17 @@ def test_laplace_is_exact_for_a_normal_posterior(problem, found):
     np.testing.assert_allclose(found.log_evidence, evidence, rtol=1e-9)
     drawn = found.draw(jax.random.key(0), 20_000)
     np.testing.assert_allclose(np.cov(drawn.T), covariance, rtol=0.1)
+
+
+def test_a_mode_is_sound_if_half_of_the_starts_came_to_it(found):
+    """Within a tenth of a nat, and only if it is a mode with a covariance."""
+    height = found.log_density
+    for apart, sound in ((2, True), (3, False)):
+        starts = np.array([height, height - 0.09, *np.full(apart, height - 0.2)])
+        assert dataclasses.replace(found, starts=starts).is_sound is sound
+    assert found.is_sound
+    assert not dataclasses.replace(found, converged=False).is_sound
+    assert not dataclasses.replace(found, positive_definite=False).is_sound
 
 
 def test_laplace_says_which_direction_is_flat(problem):
@@ -137,6 +152,8 @@ def test_a_resumed_ensemble_is_the_uninterrupted_one(problem, found, tmp_path):
     np.testing.assert_array_equal(resumed.unconstrained, whole.unconstrained)
     np.testing.assert_array_equal(resumed.log_density, whole.log_density)
     assert resumed.message == whole.message
+    assert resumed.settings == whole.settings and 0.0 < whole.settings["acceptance"] < 1.0
+    assert resumed.evaluations == whole.evaluations == 16 * 201
     # The file is emcee's own.
     assert HDFBackend(str(tmp_path / "run.h5"), read_only=True).get_chain().shape == (200, 16, 3)
 
@@ -149,6 +166,95 @@ def test_resumed_chains_of_nuts_are_the_uninterrupted_ones(problem, found, tmp_p
     resumed = sample_nuts(problem, found, draws=300, file=tmp_path / "run.h5", **rule)
     np.testing.assert_array_equal(resumed.unconstrained, whole.unconstrained)
     np.testing.assert_array_equal(resumed.statistics["n_steps"], whole.statistics["n_steps"])
+
+
+def test_a_resumed_chain_goes_on_with_its_own_random_numbers(problem, found, tmp_path):
+    """Short enough for every day: twenty draws at once, and ten and ten."""
+    rule = {"seed": 5, "warmup": 20, "chunk": 10}
+    whole = sample_nuts(problem, found, draws=20, **rule)
+    first = sample_nuts(problem, found, draws=10, file=tmp_path / "run.h5", **rule)
+    resumed = sample_nuts(problem, found, draws=20, file=tmp_path / "run.h5", **rule)
+    np.testing.assert_array_equal(resumed.unconstrained, whole.unconstrained)
+    np.testing.assert_array_equal(first.unconstrained, whole.unconstrained[:, :10])
+    assert resumed.evaluations == whole.evaluations == np.sum(whole.statistics["n_steps"]) > first.evaluations
+    assert resumed.seconds > first.seconds and resumed.settings["draws"] == 20
+    # What was drawn is drawn in the coordinates of the problem.
+    np.testing.assert_allclose(whole.log_density.ravel(), batched_log_density(problem)(whole.flat), rtol=1e-9)
+
+
+def test_no_random_number_is_used_twice(problem, found, monkeypatch):
+    """Every chunk begins with the number of draws before it, from which its random numbers follow."""
+    begun = []
+
+    def advance(numbers, centre, factor, state, keys, first, count, most_doublings):
+        begun.append(int(first))
+        return state, (np.zeros((2, count, 3)), *np.zeros((6, 2, count)))
+
+    moves = nuts._Chains(None, jnp.ones(2), jnp.zeros((2, 3, 3)))
+    monkeypatch.setattr(nuts, "_warm_up", lambda *_: moves)
+    monkeypatch.setattr(nuts, "_advance", advance)
+    drawn = sample_nuts(problem, found, seed=5, chains=2, draws=25, chunk=10)
+    assert begun == [0, 10, 20] and drawn.log_density.shape == (2, 30)
+
+
+def test_trajectories_that_broke_down_or_were_cut_are_counted(problem):
+    """Of two chains of five draws: one diverged, two came to the largest number of doublings."""
+    depth = np.array([[1, 2, 10, 3, 4], [2, 2, 2, 10, 1]])
+    kept = {"unconstrained": np.zeros((2, 5, 3)), "log_density": np.zeros((2, 5)), "diverging": depth == 4}
+    kept |= {"acceptance_rate": np.full((2, 5), 0.9), "n_steps": 2**depth, "tree_depth": depth}
+    kept["energy"] = np.zeros((2, 5))
+    moves = nuts._Chains(None, jnp.asarray([0.5, 0.7]), jnp.zeros((2, 3, 3)))
+    settings = {"seed": 3, "most_doublings": 10}
+    drawn = nuts._result(moves, {name: [values] for name, values in kept.items()}, settings, 1.0)
+    assert not drawn.finished and drawn.divergences == 1 and drawn.seed == 3
+    assert "; 1 trajectories diverged" in drawn.message
+    assert "; 2 trajectories were cut short at 10 doublings" in drawn.message
+    assert drawn.evaluations == np.sum(2**depth) and drawn.settings["step_size"] == pytest.approx(0.6)
+    whole = {name: [np.minimum(values, 9) if name == "tree_depth" else values] for name, values in kept.items()}
+    whole["diverging"] = [np.zeros((2, 5), dtype=bool)]
+    sound = nuts._result(moves, whole, settings, 1.0)
+    assert sound.finished and sound.message == "5 draws of each chain, as asked"
+
+
+def test_draws_of_the_normal_approximation_say_that_they_are_none_of_the_posterior(problem, found):
+    effort = study.Effort(draws=500, chains=3)
+    drawn = study._normal_draws(problem, found, 4, effort)
+    assert drawn.unconstrained.shape == (3, 500, 3) and not drawn.finished and drawn.seed == 4
+    mean, covariance, _ = exact_posterior(problem)
+    sd = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose((drawn.flat.mean(axis=0) - mean) / sd, 0.0, atol=4.0 / np.sqrt(1500.0))
+    np.testing.assert_allclose(drawn.flat.std(axis=0) / sd, 1.0, atol=4.0 / np.sqrt(3000.0))
+    np.testing.assert_allclose(drawn.log_density.ravel(), batched_log_density(problem)(drawn.flat), rtol=1e-12)
+    assert any("a normal approximation about the mode" in said for said in diagnose_draws(problem, drawn).complaints)
+    with pytest.raises(InputError, match="the evidence needs draws of the posterior"):
+        study._weighed(problem, drawn, study.Sampler.LAPLACE, 4, effort)
+
+
+def test_a_study_passes_on_every_warning(problem, found):
+    """Of the audit, of profiles, of the normal approximation, of the evidence, and of the draws, in this order."""
+    effort = study.Effort(starts=1, with_profiles=False)
+    looked_at = study.infer(problem, sampler=study.Sampler.NONE, effort=effort)
+    (alone,) = looked_at.warnings
+    assert "has a single start" in alone and looked_at.estimates[0] is looked_at.fit.values
+    np.testing.assert_allclose(looked_at.fit.values, exact_posterior(problem)[0], rtol=1e-6)
+    np.testing.assert_allclose(looked_at.estimates[1], np.sqrt(np.diag(exact_posterior(problem)[1])), rtol=1e-6)
+    sides = {"rise": np.zeros(2), "threshold": 1.92, "interval": (0.0, 1.0), "refits": (5, 5), "unfinished": (0, 0)}
+    sides |= {"unit": "m", "level": 0.95, "values": np.arange(2.0)}
+    sound = Profile(name="coefficient_0", stops=(Stop.CROSSED, Stop.CROSSED), **sides)
+    lower = Profile(name="coefficient_1", stops=(Stop.LOWER_MINIMUM, Stop.CROSSED), **sides)
+    doubtful = dataclasses.replace(
+        looked_at,
+        profiles=(sound, lower),
+        laplace=dataclasses.replace(found, converged=False, message="not a mode"),
+        evidence=Evidence(-3.0, 0.5, 0.9, True, ("the error is large.",)),
+        diagnostics=Diagnostics((), ("chains do not agree.",)),
+    )
+    said = doubtful.warnings
+    assert said[0] == alone and said[1].startswith("Profile of coefficient_1: the lower side found a lower cost")
+    assert said[2:] == (
+        "Normal approximation: not a mode.", "Evidence: the error is large.", "chains do not agree.",
+    )  # fmt: skip
+    assert dataclasses.replace(looked_at, laplace=found).warnings == (alone,)
 
 
 def test_files_of_other_runs_are_refused(problem, found, tmp_path):
