@@ -24,7 +24,7 @@ from inverse.uncertainty import Uncertainty, assess
 STRONG_CORRELATION = 0.95
 """Correlation of two constants above which a report names the pair."""
 CORRELATED_RESIDUALS = 0.5
-"""Correlation of residuals of successive rows above which standard errors are said to be too small."""
+"""Correlation of residuals of successive rows, of either sign, above which standard errors are said to be wrong."""
 
 _SHORTEST_TIME, _LONGEST_TIME = 1.0 / 100.0, 100.0  # diffusion time over the span of the data
 _RATIO = 2  # its place among the constants
@@ -121,10 +121,12 @@ class HeatingFit:
     def _noise(self) -> tuple[str, ...]:
         if abs(self.autocorrelation) < CORRELATED_RESIDUALS:
             return ()
-        return (
-            f"Residuals of successive rows are correlated ({self.autocorrelation:+.2f}): the model lacks something, "
-            "and the standard errors, which assume independent noise, are too small.",
-        )
+        said = f"Residuals of successive rows are correlated ({self.autocorrelation:+.2f}): "
+        if self.autocorrelation > 0.0:
+            why = "the model lacks something, and the standard errors, which assume independent noise, are too small."
+        else:
+            why = "they alternate, so that the standard errors, which assume independent noise, are too large."
+        return (said + why,)
 
 
 def fit_heating(

@@ -83,6 +83,8 @@ def test_what_a_heating_fit_warns_of(heated):
     assert "The baseline of 37 degC is that of the first row, which is occluded" in said[-1]
     quiet = dataclasses.replace(heated, autocorrelation=0.45, ratio_range=(2.0, None)).warnings
     assert "correlated (" not in " ".join(quiet)
+    alternating = " ".join(dataclasses.replace(heated, autocorrelation=-0.6).warnings)
+    assert "too small" in " ".join(said) and "they alternate" in alternating and "too large" in alternating
     assert "between 2 and the upper end of its range (400)" in " ".join(quiet)
 
 
