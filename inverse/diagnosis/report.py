@@ -285,6 +285,8 @@ def _where(found: Diagnosis) -> list[str]:
     places = once(found.places)
     least = found.decision.last.least_p if found.decision is not None else 0.0
     lines += [f"| {one.words} | {100.0 * one.share:.0f} % | {_p(one.p_family, least)} |" for one in places]
+    if places:
+        lines += ["", f"Noise looks least like the one {found.places[0].words}."]
     lines += ["", "Residuals of the model without causes:", ""]
     lines += ["| neighbours along | correlation of residuals | p |", "| --- | ---: | ---: |"]
     lines += [

@@ -484,6 +484,7 @@ def test_the_likeliest_places_are_ranked_by_what_they_absorb(file):
         ("e", 0.5),
     ]
     written = report(dataclasses.replace(found, places=tuple(places)), "these data", [])
+    assert "Noise looks least like the one here." in written
     assert "| here | 60 % |" in written and "| e | 50 % |" in written and "| f |" not in written
 
 
