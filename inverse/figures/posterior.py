@@ -128,7 +128,7 @@ def draw_predictions(data: Any, measurement: str, panels: Sequence[Panel], *, co
         scale, unit = (0.01 * centre, "%") if panel.logarithmic else (1.0, panel.y_label.split("[")[-1].rstrip("]"))
         departures = ((values - centre) / scale, np.zeros_like(centre), (panel.shown(observed[one]) - centre) / scale)
         _draw_bands(lower, panel.x[order], *departures)
-        tidy(lower, x=panel.x_label, y=f"Difference [{unit}]")
+        tidy(lower, x=panel.x_label, y=rf"$\Delta$ [{unit}]")
         for axis in (upper, lower) if panel.frequency else ():
             _frequency_axis(axis)
         upper.tick_params(labelbottom=False)
