@@ -89,6 +89,8 @@ class Transducer(Section):
         return self.focal_length_mm - math.sqrt(self.focal_length_mm**2 - 0.25 * self.outer_diameter_mm**2)
 
 
+SONICATIONS_S, PUSHES_MS = (0.1, 180.0), (0.01, 20.0)
+"""The shortest and the longest sonication and push of the stepwise protocol."""
 PUSH_MODULATIONS = {"none": None, "intensity": SineIntensity(), "pressure": SinePressure(), "square": Square()}
 """Courses of the force over a push: one period, of full depth, or on for the half in the middle."""
 
@@ -110,8 +112,8 @@ class Protocol(Section):
     kind: Literal["stepwise"] = "stepwise"
     temperatures_c: list[Celsius] = Field(min_length=2)
     normalised_at_c: Celsius
-    sonication_s: Annotated[Number, between(0.1, 180.0, "s", "is it in milliseconds? Give seconds")] = 60.0
-    push_ms: Annotated[Number, between(0.01, 20.0, "ms", "is it in seconds? Give milliseconds")] = 0.5
+    sonication_s: Annotated[Number, between(*SONICATIONS_S, "s", "is it in milliseconds? Give seconds")] = 60.0
+    push_ms: Annotated[Number, between(*PUSHES_MS, "ms", "is it in seconds? Give milliseconds")] = 0.5
     push_modulation: Literal["none", "intensity", "pressure", "square"] = "none"
 
     @model_validator(mode="after")

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from arfjax import SineIntensity, Square, StepwiseProtocol
-from arfjax.experiment.file import PUSH_MODULATIONS
+from arfjax.experiment.file import PUSH_MODULATIONS, PUSHES_MS, SONICATIONS_S
 
 COAGULATION = (48.0, 60.0)
 """Between which liver coagulates in a sonication of a minute or so [degC]."""
@@ -15,8 +15,6 @@ _BELOW_COAGULATION = 50.0
 _HOTTER = 8.0
 _HOTTEST = 90.0
 _LEAST_RISE = 5.0
-_PUSHES, _SONICATIONS = (0.01e-3, 20e-3), (0.1, 180.0)
-"""The shortest and the longest of each that an experiment file may have [s]."""
 THERMOCOUPLE, TRACKING = "instruments: thermocouple", "instruments: tracking"
 """Places of causes that another instrument does not have."""
 
@@ -80,7 +78,7 @@ def hmi_proposals(
     usual = protocol.duration
     found = [one("again", f"one more sonication to {hottest:.0f} degC")]
     for pace, factor in (("slower", 2.0), ("faster", 0.5)):
-        if _SONICATIONS[0] <= factor * usual <= _SONICATIONS[1]:
+        if SONICATIONS_S[0] <= factor * usual <= SONICATIONS_S[1]:
             words = f"a sonication to {hottest:.0f} degC in {factor * usual:.0f} s instead of {usual:.0f}"
             found.append(one(pace, words, duration=factor * usual))
     found += [
@@ -108,8 +106,8 @@ def _other_pushes(one: Callable[..., HmiProposal], protocol: StepwiseProtocol) -
     constant, push = protocol.modulation is None, protocol.push_duration
     pushes, usual = "pushes of" if constant else "pushes whose course takes", f"{1e3 * push:.2g}"
     words = f"{pushes} {0.5e3 * push:.2g} ms instead of {usual}"
-    found = [one("shorter-push", words, push_duration=0.5 * push)] if 0.5 * push >= _PUSHES[0] else []
-    if 2.0 * push > _PUSHES[1]:
+    found = [one("shorter-push", words, push_duration=0.5 * push)] if 0.5e3 * push >= PUSHES_MS[0] else []
+    if 2e3 * push > PUSHES_MS[1]:
         return found
     twice = f"{pushes} {2e3 * push:.2g} ms"
     found.append(one("longer-push", f"{twice} instead of {usual}", push_duration=2.0 * push))
