@@ -80,10 +80,11 @@ def plan_sweeps(data: HmiData, protocol: StepwiseProtocol, reference_temperature
 
 def _sweep_in_time(data: HmiData, protocol: StepwiseProtocol, reference_temperature: float) -> Sweep:
     assert data.time is not None  # the reader asks for time or temperature
-    if data.time.max() > protocol.duration:
+    last = int(np.argmax(data.time))
+    if data.time[last] > protocol.duration:
         raise InputError(
-            f"{data.path}: a row at {data.time.max():g} s lies after the sonication's end at {protocol.duration:g} s; "
-            "set `protocol.sonication_s`, or leave those rows out."
+            f"{data.place(last)}: {data.time[last]:g} s lies after the sonication's end at {protocol.duration:g} s; "
+            "set `protocol.sonication_s`, or leave out what was read later."
         )
     if not protocol.start_temperature <= reference_temperature <= protocol.final_temperature:
         raise InputError(

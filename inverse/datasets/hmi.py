@@ -50,6 +50,7 @@ class HmiData:
         sd: Standard deviation in the same unit; None where the file gives none.
         ignored: Headers of columns that were not used.
         n_copies: Rows of the file that were left out because others say the same.
+        lines: Line of each row in the file, counted from 1; empty for data that are of no file.
     """
 
     path: Path
@@ -61,6 +62,7 @@ class HmiData:
     sd: Float[np.ndarray, " n"] | None
     ignored: tuple[str, ...]
     n_copies: int = 0
+    lines: tuple[int, ...] = ()
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -85,7 +87,12 @@ class HmiData:
             for name in ("temperature", "time", "displacement", "sd")
             for values in (getattr(self, name),)
         }
-        return dataclasses.replace(self, sonication=tuple(self.sonication[row] for row in rows), **chosen)
+        lines = tuple(self.lines[row] for row in rows) if self.lines else ()
+        return dataclasses.replace(self, sonication=tuple(self.sonication[row] for row in rows), lines=lines, **chosen)
+
+    def place(self, row: int) -> str:
+        """A row as messages name it: by its line in the file, or by its number from 1 where there is no file."""
+        return f"{self.path}, line {self.lines[row]}" if self.lines else f"{self.path}: row {row + 1}"
 
     def rows_of(self, label: str) -> list[int]:
         """Rows of one sonication."""
@@ -130,6 +137,7 @@ def read_hmi(path: str | Path) -> HmiData:
         in_percent=name == "displacement_percent",
         sd=sd,
         ignored=columns.ignored,
+        lines=table.lines,
     )
     _check_time(columns, data)
     return data.without_copies()

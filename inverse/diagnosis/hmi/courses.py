@@ -86,7 +86,7 @@ def hmi_rows(data: HmiData, reference_temperature: float) -> HmiRows:
     if not np.all(measured > 0.0):
         row = int(np.flatnonzero(~(measured > 0.0))[0])
         raise InputError(
-            f"{data.path}: row {row + 1}: the displacement is {measured[row]:g}; a diagnosis compares logarithms and "
+            f"{data.place(row)}: the displacement is {measured[row]:g}; a diagnosis compares logarithms and "
             "needs positive amplitudes. Leave the row out."
         )
     index = {label: number for number, label in enumerate(data.labels)}
@@ -122,7 +122,7 @@ def _require_heating(data: HmiData) -> None:
         row, hottest = int(fallen[0]), float(np.max(temperature[: fallen[0]]))
         order = "" if data.time is not None else ", or sort the rows by temperature if all are of the heating"
         raise InputError(
-            f"{data.path}: row {mine[row] + 1}: {temperature[row]:g} degC after {hottest:g} in sonication {label}; a "
+            f"{data.place(mine[row])}: {temperature[row]:g} degC after {hottest:g} in sonication {label}; a "
             f"diagnosis knows readings while the focus heats: leave out those while it cools{order}."
         )
 
@@ -198,7 +198,7 @@ def require_during(data: HmiData, rows: HmiRows, duration: float) -> None:
     late = np.flatnonzero(rows.time > (1.0 + _STILL) * duration)
     if late.size:
         raise InputError(
-            f"{data.path}: row {rows.file_row[late[0]] + 1}: {rows.time[late[0]]:g} s is after the sonication's end at "
+            f"{data.place(rows.file_row[late[0]])}: {rows.time[late[0]]:g} s is after the sonication's end at "
             f"{duration:g} s; change `protocol.sonication_s` in the experiment file, or leave out what was read later."
         )
 

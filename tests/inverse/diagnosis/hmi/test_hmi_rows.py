@@ -46,6 +46,17 @@ def test_a_displacement_that_is_not_positive_is_refused():
         hmi_rows(curves(percent), 37.0)
 
 
+def test_a_row_is_named_by_its_line_in_the_file(tmp_path):
+    """Comments, a row of units and rows that were left out come before it."""
+    file = tmp_path / "curve.csv"
+    rows = "37,100\n45,97\n45,97\n60,80\n50,90\n"
+    file.write_text("# a comment\ntemperature,displacement\ndegC,%\n" + rows)
+    data = read_hmi(file)
+    assert len(data.displacement) == 4 and data.remarks
+    with pytest.raises(InputError, match=r"curve\.csv, line 8: 50 degC after 60 in sonication 1"):
+        hmi_rows(data, 37.0)
+
+
 def test_a_curve_that_is_100_percent_at_its_coldest_reading_was_divided_by_that():
     """Another reading of 100 percent at the reference temperature would be one that nobody took."""
     percent = np.full(len(TEMPERATURES), 97.0)
