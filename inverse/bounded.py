@@ -7,7 +7,6 @@ no longer maintained; its implicit derivatives are not used here (they were meas
 import warnings
 from collections.abc import Callable
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -53,4 +52,4 @@ def multi_start_bounded(
         status = jnp.where(state.error <= tolerance, 0, 1)
         return values, jnp.where(sound, reached, jnp.inf), jnp.where(sound, status, 2), state.iter_num
 
-    return MultiStart(*eqx.filter_jit(jax.vmap(solve))(starts))
+    return MultiStart(*jax.jit(jax.vmap(solve))(starts))

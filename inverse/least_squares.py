@@ -4,6 +4,7 @@ The solver takes no bounds: keep parameters inside theirs with those of `inverse
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -15,6 +16,8 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
+from arfjax.numerics.compiled import compiled
+
 STATUS = (
     "converged",
     "stopped at the largest number of steps: look for constants that the data do not fix",
@@ -22,6 +25,9 @@ STATUS = (
     "the solver gave up: try other starts or another seed",
 )
 """What the status of a start means, in words. Whoever lets a user change the number of steps says so itself."""
+
+_KEPT = 8
+"""Residuals of which `descend` keeps what was compiled, the last that it was asked for."""
 
 _SAME_COST = 1e-6
 _NO_COST = 1e-16
@@ -158,7 +164,8 @@ def descend(
 ) -> Descent:
     """Minimise half the sum of squares from one start, one compiled step at a time.
 
-    For residuals that take seconds, where a person wants to see how far it is. Compiled once for each `residual`.
+    For residuals that take seconds, where a person wants to see how far it is. Compiled once for each `residual`; the
+    last few are kept.
 
     Args:
         residual: Residual vector of the unconstrained parameters u and of `args`.
@@ -171,11 +178,12 @@ def descend(
     """
     solver = optx.LevenbergMarquardt(rtol=rtol, atol=atol)
     point = jnp.asarray(start)
-    state = _first_state(residual, solver, point, args)
+    first_state, one_step, jacobian_of = _steps(residual)
+    state = first_state(solver, point, args)
     costs: list[float] = []
     first, status = state.f_info.residual, 1
     for step in range(1, max_steps + 1):
-        point, state, ended, failed = _one_step(residual, solver, point, args, state)
+        point, state, ended, failed = one_step(solver, point, args, state)
         first = state.f_info.residual if step == 1 else first
         costs.append(float(state.f_info.as_min()))
         on_step(step, costs[-1])
@@ -188,7 +196,7 @@ def descend(
     return Descent(
         solution=point,
         residual=state.f_info.residual,
-        jacobian=_as_matrix(state.f_info.jac),
+        jacobian=jacobian_of(state),
         first_residual=first,
         costs=tuple(costs),
         converged=status == 0,
@@ -196,24 +204,20 @@ def descend(
     )
 
 
-@eqx.filter_jit
-def _as_matrix(operator):
-    return operator.as_matrix()
+@functools.lru_cache(maxsize=_KEPT)
+def _steps(residual: Callable) -> tuple[Callable, Callable, Callable]:
+    """Compiled for one residual: the state at the start, one step, and the Jacobian of a state as a matrix."""
 
+    def with_no_auxiliary(u, args):
+        return residual(u, args), None
 
-def _with_no_auxiliary(residual):
-    return lambda u, args: (residual(u, args), None)
+    def first_state(solver, point, args):
+        structure = jax.eval_shape(residual, point, args)
+        return solver.init(with_no_auxiliary, point, args, {}, structure, None, frozenset())
 
+    def one_step(solver, point, args, state):
+        point, state, _ = solver.step(with_no_auxiliary, point, args, {}, state, frozenset())
+        ended, result = solver.terminate(with_no_auxiliary, point, args, {}, state, frozenset())
+        return point, state, ended, result != optx.RESULTS.successful
 
-@eqx.filter_jit
-def _first_state(residual, solver, point, args):
-    structure = jax.eval_shape(residual, point, args)
-    return solver.init(_with_no_auxiliary(residual), point, args, {}, structure, None, frozenset())
-
-
-@eqx.filter_jit
-def _one_step(residual, solver, point, args, state):
-    function = _with_no_auxiliary(residual)
-    point, state, _ = solver.step(function, point, args, {}, state, frozenset())
-    ended, result = solver.terminate(function, point, args, {}, state, frozenset())
-    return point, state, ended, result != optx.RESULTS.successful
+    return compiled(first_state), compiled(one_step), compiled(lambda state: state.f_info.jac.as_matrix())

@@ -109,3 +109,22 @@ def test_functions_stay_small(package):
                 if lines > 80:
                     long.append(f"{path.relative_to(ROOT)}:{node.name}: {lines} lines")
     assert long == []
+
+
+@pytest.mark.parametrize("package", ["arfjax", "inverse"])
+def test_what_is_made_at_run_time_is_compiled_so_that_it_can_be_freed(package):
+    """`filter_jit` keeps a closure as long as the process lives: see `arfjax.numerics.compiled`."""
+    kept = []
+    for path in python_files(package):
+        tree = ast.parse(path.read_text())
+        decorators = {
+            id(one)
+            for node in tree.body
+            if isinstance(node, ast.FunctionDef)
+            for decorator in node.decorator_list
+            for one in ast.walk(decorator)
+        }
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute) and node.attr == "filter_jit" and id(node) not in decorators:
+                kept.append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    assert kept == []

@@ -4,7 +4,6 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +16,7 @@ from arfjax.acoustics.settings import MarchSettings
 from arfjax.acoustics.sources.base import Source
 from arfjax.acoustics.variation import MediumVariation
 from arfjax.errors import InputError
+from arfjax.numerics.compiled import compiled
 from arfjax.transducer import Drive, FocusedBowl, PressureDrive
 
 _HARMONICS = (16, 24, 32, 48, 64, 96, 128, 192, 256)
@@ -73,7 +73,7 @@ def solve_to_tolerance(
     settings = dataclasses.replace(MarchSettings(), n_harmonics=_HARMONICS[0]) if settings is None else settings
 
     def solve(settings: MarchSettings, r: np.ndarray, z: np.ndarray) -> HarmonicField:
-        @eqx.filter_jit
+        @compiled
         def run(source, drive, layers, diffraction, changes) -> HarmonicField:
             varied = None
             if variation is not None:  # its positions must stay numbers

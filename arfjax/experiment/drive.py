@@ -4,7 +4,6 @@ import dataclasses
 import functools
 import math
 
-import equinox as eqx
 import numpy as np
 
 from arfjax import tissues
@@ -14,6 +13,7 @@ from arfjax.errors import InputError
 from arfjax.experiment.acoustics import AcousticsSection
 from arfjax.media import AcousticMedium
 from arfjax.model import Layer, Model
+from arfjax.numerics.compiled import compiled
 from arfjax.transducer import Drive
 
 _REACH = 0.15  # of the focal length; the parabolic operator's focus is off by half of that
@@ -67,7 +67,7 @@ def _searched(search: _InWater) -> float:
     z, source = np.linspace(focus - reach, focus + reach, _N_POSITIONS), settings.source(model)
 
     def power_of(march: MarchSettings) -> float:
-        driven = eqx.filter_jit(
+        driven = compiled(
             lambda peak: drive_for_peak_pressure(
                 source,
                 frequency=search.frequency,

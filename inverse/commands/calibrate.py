@@ -5,7 +5,6 @@ import dataclasses
 from pathlib import Path
 from typing import Annotated
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pydantic
@@ -24,6 +23,7 @@ from arfjax import (
     run_stepwise,
 )
 from arfjax.io import stepwise_dataset, write_netcdf
+from arfjax.numerics.compiled import compiled
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.notes import sound_notes
 from inverse.datasets.hmi import HmiData, read_hmi
@@ -101,7 +101,7 @@ def _curves(
     protocol = dataclasses.replace(protocol, final_temperature=highest)
     reference = settings.reference_temperature_c
     temperatures = np.union1d(np.linspace(protocol.start_temperature, highest, 26), [reference])
-    run = eqx.filter_jit(lambda model: run_stepwise(model, jnp.asarray(temperatures), protocol, discretisation))
+    run = compiled(lambda model: run_stepwise(model, jnp.asarray(temperatures), protocol, discretisation))
     states = [stepwise_dataset(run(each), protocol, reference) for each in (model, fit.model)]
     curves = xr.concat(states, xr.DataArray(["before", "after"], dims="stage", name="stage"))
     curves.attrs |= {"title": described.title, "arfjax_version": arfjax.__version__}

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import equinox as eqx
 import numpy as np
 import typer
 import xarray as xr
@@ -19,6 +18,7 @@ from arfjax import (
     run_transient,
 )
 from arfjax.io import transient_dataset, write_netcdf
+from arfjax.numerics.compiled import compiled
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.notes import WATCHED, assumed_notes, boiling_notes, sound_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
@@ -52,7 +52,7 @@ def monitor_command(
                 monitoring.tracking.tracker(settings.focus),
             )
             steps = AdaptiveSteps() if described.sonication.steps == "adaptive" else FixedSteps()
-            result = eqx.filter_jit(lambda model: run_transient(model, protocol, settings, steps=steps))(model)
+            result = compiled(lambda model: run_transient(model, protocol, settings, steps=steps))(model)
             if not bool(result.sonication.effort.converged):
                 raise InputError(
                     f"{experiment}: temperatures grow without bound, or steps would have to become too short; lower "

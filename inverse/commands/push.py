@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import typer
@@ -12,6 +11,7 @@ import xarray as xr
 import arfjax.figures
 from arfjax import Experiment, InputError, WatchSettings, range_notes, read_experiment, simulate_heating, watch_push
 from arfjax.io import push_dataset, write_netcdf
+from arfjax.numerics.compiled import compiled
 from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.notes import assumed_notes, sound_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
@@ -48,9 +48,9 @@ def push_command(
             step("discretisation")
             settings = described.discretised(model)
             step("heating")
-            heating = eqx.filter_jit(lambda model: simulate_heating(model, protocol, settings))(model)
+            heating = compiled(lambda model: simulate_heating(model, protocol, settings))(model)
             step("push")
-            run = eqx.filter_jit(
+            run = compiled(
                 lambda model, at, heating: watch_push(model, at, protocol, settings, heating=heating, watch=watch)
             )
             result = run(model, jnp.asarray(temperature), heating)  # traced: without a lesion, its laws do not warn

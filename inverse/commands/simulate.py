@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import typer
@@ -25,6 +24,7 @@ from arfjax import (
     simulate_heating,
 )
 from arfjax.io import field_dataset, heating_dataset, stepwise_dataset, write_netcdf
+from arfjax.numerics.compiled import compiled
 from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.notes import assumed_notes, boiling_notes, sound_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
@@ -51,7 +51,7 @@ def simulate(
             field = display_field(model, described, settings)
             step("heating")
             protocol = described.stepwise()
-            heating = eqx.filter_jit(lambda model: simulate_heating(model, protocol, settings))(model)
+            heating = compiled(lambda model: simulate_heating(model, protocol, settings))(model)
             step("pushes")
             result = simulate_steps(model, described, settings, heating)
         data = xr.merge(
@@ -97,9 +97,9 @@ def display_field(model: Model, described: Experiment, settings: Discretisation)
     regular = np.arange(settings.march.start_plane, back, _FIELD_STEP)
     # The focal plane itself is one of the planes; its close neighbours are not.
     z = np.sort(np.append(regular[np.abs(regular - settings.focus) > 0.25 * _FIELD_STEP], settings.focus))
-    field = eqx.filter_jit(
-        lambda model: layered_field(model, protocol.start_temperature, protocol, settings, r=r, z=z)
-    )(model)
+    field = compiled(lambda model: layered_field(model, protocol.start_temperature, protocol, settings, r=r, z=z))(
+        model
+    )
     return field_dataset(field, settings.focus)
 
 
@@ -109,7 +109,7 @@ def simulate_steps(
     """The pushes of the experiment's protocol."""
     temperatures = jnp.asarray(step_temperatures(described))
     protocol = described.stepwise()
-    run = eqx.filter_jit(lambda model, heating: run_stepwise(model, temperatures, protocol, settings, heating=heating))
+    run = compiled(lambda model, heating: run_stepwise(model, temperatures, protocol, settings, heating=heating))
     return run(model, heating)
 
 

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import typer
@@ -29,6 +28,7 @@ from arfjax import (
     sonication_field,
 )
 from arfjax.io import field_dataset, sonication_dataset, write_netcdf
+from arfjax.numerics.compiled import compiled
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.notes import assumed_notes, boiling_notes, sound_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
@@ -97,7 +97,7 @@ def run_sonication(model: Model, described: Experiment, settings: Discretisation
     """The sonication that an experiment file describes."""
     plan = described.sonication.plan()
     steps = AdaptiveSteps() if described.sonication.steps == "adaptive" else FixedSteps()
-    return eqx.filter_jit(lambda model: sonicate(model, plan, settings, steps=steps))(model)
+    return compiled(lambda model: sonicate(model, plan, settings, steps=steps))(model)
 
 
 def thermocouple_reading(
@@ -126,7 +126,7 @@ def force_dataset(
     temperature, dose = result.temperature[index], result.dose[index]
     if described.sonication.field == "frozen":
         temperature, dose = jnp.full_like(temperature, plan.start_temperature), jnp.zeros_like(dose)
-    field = eqx.filter_jit(
+    field = compiled(
         lambda model, temperature, dose: sonication_field(model, plan, settings, temperature, dose, r=r, z=z)
     )(model, temperature, dose)
     return field_dataset(field, settings.focus)

@@ -4,7 +4,6 @@ import enum
 from pathlib import Path
 from typing import Annotated, Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import typer
@@ -28,6 +27,7 @@ from arfjax import (
 )
 from arfjax.experiment.mechanics import Mechanics
 from arfjax.io import vibration_dataset, write_netcdf
+from arfjax.numerics.compiled import compiled
 from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.notes import assumed_notes, sound_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
@@ -79,14 +79,14 @@ def vibrate_command(
             settings = described.discretised(model)
             chosen = resolving(model, temperature, settings, frequency=frequency_hz, modulation=course)
             step("heating")
-            heating = eqx.filter_jit(lambda model: simulate_heating(model, protocol, settings))(model)
+            heating = compiled(lambda model: simulate_heating(model, protocol, settings))(model)
             given: dict[str, Any] = {"heating": heating, "frequency": frequency_hz, "vibration": chosen}
             step("vibration")
-            result = eqx.filter_jit(
-                lambda model, at: vibrate(model, at, protocol, settings, modulation=course, **given)
-            )(model, jnp.asarray(temperature))
+            result = compiled(lambda model, at: vibrate(model, at, protocol, settings, modulation=course, **given))(
+                model, jnp.asarray(temperature)
+            )
             step("error of the layer")
-            error = eqx.filter_jit(lambda model, at: vibration_layer_error(model, at, protocol, settings, **given))(
+            error = compiled(lambda model, at: vibration_layer_error(model, at, protocol, settings, **given))(
                 model, jnp.asarray(temperature)
             )
             data = vibration_dataset(result, temperature, frequency=frequency_hz, layer_error=float(error))

@@ -13,7 +13,6 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -101,8 +100,8 @@ def local_sensitivity(parameters: ParameterSet, model: Any, quantity: Quantity) 
         quantity: Results that are not zero.
     """
     of_values, values = _as_function(parameters, model, quantity)
-    result = np.asarray(eqx.filter_jit(of_values)(values))
-    jacobian = np.asarray(eqx.filter_jit(jax.jacfwd(of_values))(values))
+    result = np.asarray(jax.jit(of_values)(values))
+    jacobian = np.asarray(jax.jit(jax.jacfwd(of_values))(values))
     elasticity = jacobian * np.asarray(values)[None, :] / result[:, None]
     return LocalSensitivity(parameters.names, np.asarray(values), result, elasticity)
 
@@ -124,7 +123,7 @@ def one_at_a_time(
     if not 0.0 < change < 1.0:
         raise InputError(f"`change` must be a share between 0 and 1, such as 0.25, got {change:g}.")
     of_values, values = _as_function(parameters, model, quantity)
-    compiled = eqx.filter_jit(of_values)
+    compiled = jax.jit(of_values)
     before, found = np.asarray(compiled(values)), []
     for place, name in enumerate(parameters.names):
         for share in (-change, change):
@@ -164,7 +163,7 @@ def sobol_sensitivity(
     of_values, _ = _as_function(parameters, model, quantity)
     if not parameters.has_priors:
         raise InputError("shares of variance need a prior for every constant: give the missing ones.")
-    compiled = eqx.filter_jit(lambda rows: jax.lax.map(of_values, rows, batch_size=batch))
+    compiled = jax.jit(lambda rows: jax.lax.map(of_values, rows, batch_size=batch))
     total = (len(parameters.names) + 2) * n_samples
     done, seen = 0, list[np.ndarray]()
 

@@ -5,7 +5,6 @@ import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -33,6 +32,7 @@ from arfjax import (
 )
 from arfjax.laws import Constant, Scaled
 from arfjax.mechanics.transient.push import solve_push
+from arfjax.numerics.compiled import compiled
 from arfjax.protocols.discretisation import LIVER_RADIUS
 from arfjax.protocols.heated_tissue import push_material
 from arfjax.protocols.homogeneous import homogeneous_material
@@ -185,7 +185,7 @@ class Bench:
 
     @functools.cached_property
     def _material(self) -> Callable[..., ViscoelasticField]:
-        @eqx.filter_jit
+        @compiled
         def material(modulus: str, liver: str, temperature: Array, share: Array, stiffness: Array):
             law = self.model.lesion.viscoelasticity
             usual = law.branch_modulus

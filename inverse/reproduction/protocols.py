@@ -4,7 +4,6 @@ import dataclasses
 import functools
 from collections.abc import Callable, Mapping
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import scipy.optimize
@@ -30,6 +29,7 @@ from arfjax import (
     sonicate,
     tissues,
 )
+from arfjax.numerics.compiled import compiled
 from arfjax.protocols.discretisation import Discretisation
 from inverse.datasets.hmi import HmiData
 from inverse.reproduction.bench import Bench
@@ -100,14 +100,14 @@ def compare_protocols(bench: Bench) -> Comparison:
     model, settings, start = _by_dose(bench.model), bench.coarse, bench.protocol.start_temperature
     shaking = _shaking(model, settings)
     plan = Sonication((Phase(bench.protocol.duration, _N_STEPS),), start, _FIELD_TOLERANCE)
-    heat = eqx.filter_jit(lambda model: sonicate(model, plan, settings))
+    heat = compiled(lambda model: sonicate(model, plan, settings))
     powers = [
         power_reaching(model, heat, target, guess)
         for target, guess in ((bench.protocol.final_temperature, 17.0), (MEASURED_TO, 20.0))
     ]
     hot = at_power(model, powers[0])
     given = (tissues.fractional_liver_viscoelasticity(), tissues.fractional_lesion_viscoelasticity())
-    rungs = eqx.filter_jit(
+    rungs = compiled(
         lambda model, heated: protocol_ladder(
             model,
             heated,
@@ -122,7 +122,7 @@ def compare_protocols(bench: Bench) -> Comparison:
     shaped = dataclasses.replace(model, lesion=dataclasses.replace(model.lesion, edge=DamageEdge()))
     modulated = at_power(shaped, powers[1] / float(shaking.mean_force()))
     protocol = TransientProtocol(plan, shaking)
-    watched = eqx.filter_jit(lambda model: run_transient(model, protocol, settings))(modulated)
+    watched = compiled(lambda model: run_transient(model, protocol, settings))(modulated)
     return Comparison(rungs, powers[0], watched, powers[1])
 
 

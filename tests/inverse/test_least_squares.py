@@ -1,5 +1,8 @@
 """Many starts of Levenberg-Marquardt: minima found, disagreement and failure reported."""
 
+import gc
+import weakref
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -88,6 +91,27 @@ def test_a_start_that_the_solver_gave_up_or_that_met_no_number_has_not_converged
     """It ended, as one that converged does; what it was ended by is told."""
     lost = descend(lambda u, _: jnp.log(u), np.array([-1.0]))
     assert not lost.converged and lost.message == STATUS[2] and len(lost.costs) == 1
-    monkeypatch.setattr(least_squares, "_one_step", lambda residual, solver, u, args, state: (u, state, True, True))
+    first, _, jacobian = least_squares._steps(rosenbrock)
+    given_up = (first, lambda solver, u, args, state: (u, state, True, True), jacobian)
+    monkeypatch.setattr(least_squares, "_steps", lambda residual: given_up)
     given_up = descend(lambda u, _: u - 2.0, np.array([1.0]))
     assert not given_up.converged and given_up.message == STATUS[3] and not given_up.out_of_steps
+
+
+def test_a_residual_that_nobody_has_any_more_is_freed_with_its_programs():
+    """Calibrations one after the other keep the last few alone: programs of all would fill the memory for code."""
+
+    class Data:
+        shift = 1.0
+
+    def residual_of(data):
+        return lambda u, _: u - data.shift
+
+    seen = []
+    for _ in range(least_squares._KEPT + 1):
+        data = Data()
+        seen.append(weakref.ref(data))
+        np.testing.assert_allclose(descend(residual_of(data), np.zeros(1)).solution, 1.0, atol=1e-6)
+    del data
+    gc.collect()
+    assert seen[0]() is None and seen[-1]() is not None

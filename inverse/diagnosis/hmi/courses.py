@@ -198,7 +198,7 @@ def require_during(data: HmiData, rows: HmiRows, duration: float) -> None:
     late = np.flatnonzero(rows.time > (1.0 + _STILL) * duration)
     if late.size:
         raise InputError(
-            f"{data.place(rows.file_row[late[0]])}: {rows.time[late[0]]:g} s is after the sonication's end at "
+            f"{data.place(int(rows.file_row[late[0]]))}: {rows.time[late[0]]:g} s is after the sonication's end at "
             f"{duration:g} s; change `protocol.sonication_s` in the experiment file, or leave out what was read later."
         )
 

@@ -5,7 +5,6 @@ import functools
 import math
 from collections.abc import Callable, Iterator, Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from arfjax import Discretisation, FastCurve, Model
 from arfjax.numerics.batches import map_in_batches
+from arfjax.numerics.compiled import compiled
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.chain import Course, Courses, log_reported, together
@@ -95,9 +95,9 @@ class HmiProgram:
         def slopes(courses: Courses, unknowns: Array, directions: Array) -> Array:
             return _linearised(lambda at: predict(courses, at)[0], unknowns, directions)[1]
 
-        self._predict, self._slopes = eqx.filter_jit(predict), eqx.filter_jit(slopes)
-        self._simulate, self._simulate_finer = eqx.filter_jit(simulate), eqx.filter_jit(simulate_finer)
-        self._linearise = eqx.filter_jit(linearise)
+        self._predict, self._slopes = compiled(predict), compiled(slopes)
+        self._simulate, self._simulate_finer = compiled(simulate), compiled(simulate_finer)
+        self._linearise = compiled(linearise)
         self._penalties, self._penalty_slopes = jax.jit(penalties), jax.jit(jax.jacfwd(penalties))
         self._model = lambda unknowns: parts(jnp.asarray(unknowns))[0]
 
