@@ -1,0 +1,51 @@
+"""One fit: what of the data it looks at."""
+
+import numpy as np
+import pytest
+
+from inverse.diagnosis.hmi.fitting import Fitting
+from inverse.diagnosis.hmi.refit import fit_hmi
+from tests.inverse.diagnosis.hmi.cases import measured_with, white
+
+
+def test_neighbours_of_a_reading_that_is_left_out_say_nothing_of_it(problem):
+    """Nor does it of them: beyond it a series begins anew, whatever the correlation."""
+    noise = next(one for one in problem.noise_family() if one.correlation == 0.6 and one.step == 1.0)
+    used = ~np.isin(np.arange(len(problem.rows)), [4, 20])
+    fitting = Fitting(problem, (), noise, 0.01, used)
+    readings = np.random.default_rng(2).standard_normal((len(problem.rows), 3))
+    other = np.where(used[:, None], readings, readings + 5.0)
+    np.testing.assert_array_equal(fitting.free_of_factors(other), fitting.free_of_factors(readings))
+    assert not np.any(fitting.free_of_factors(readings)[~used])
+    # Each of the four parts is whitened as a series of its own.
+    parts = np.split(np.arange(len(used)), [4, 5, 13, 20, 21])
+    for part in (part for part in parts if np.all(used[part])):
+        innovation = (readings[part][1:] - 0.6 * readings[part][:-1]) / 0.8
+        np.testing.assert_allclose(fitting._white(readings)[part], np.append(readings[part][:1], innovation, axis=0))
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_a_sonication_that_is_left_out_takes_nothing_from_the_others(problem, number):
+    """They lose their own factor, and as many degrees of freedom as that and constants take of them."""
+    used = problem.rows.sonication == number
+    readings = np.random.default_rng(2).standard_normal((len(used), 3))
+    found = Fitting(problem, (), white(problem), 0.01, used).free_of_factors(readings)
+    np.testing.assert_allclose(found[used], readings[used] - np.mean(readings[used], axis=0), atol=1e-12)
+    assert not np.any(found[~used])
+    fit = fit_hmi(measured_with(problem, "", 0.0, noise=0.01)[0], (), white(problem), size=0.01, used=used)
+    assert np.sum(used) - 1 - len(problem.program.constants) < fit.freedom < np.sum(used) - 1
+
+
+@pytest.mark.parametrize("step", [1.0, 3.0])
+def test_directions_of_beliefs_are_those_of_what_a_fit_makes_least(problem, step):
+    """In coordinates in which the noise is white, where beliefs count against all readings together."""
+    noise = next(one for one in problem.noise_family() if one.correlation == 0.0 and one.step == step)
+    hidden, _ = measured_with(problem, "", 0.0, noise=0.01, seed=1)
+    fit, count = fit_hmi(hidden, (), noise, size=0.01), len(problem.rows)
+    fitting = Fitting(hidden, (), noise, 0.01)
+    plain = np.zeros((count, len(fitting.moved)))
+    slopes = fitting.stacked_slopes(plain, fit.unknowns)[count:]
+    whitened = noise.whiten(fit.directions)[count:, : len(fitting.moved)]
+    assert np.any(slopes)
+    np.testing.assert_allclose(whitened, slopes, rtol=1e-12)
+    np.testing.assert_allclose(noise.whiten(fit.residuals[:, None])[count:, 0], -fitting.stacked(fit.unknowns)[count:])
