@@ -1,10 +1,14 @@
-"""One fit: what of the data it looks at."""
+"""One fit: what of the data it looks at, and that a fit which the full simulation cannot judge is said to be none."""
+
+import dataclasses
 
 import numpy as np
 import pytest
 
+from inverse.diagnosis.hmi.correction import Correction
 from inverse.diagnosis.hmi.fitting import Fitting
-from inverse.diagnosis.hmi.refit import fit_hmi
+from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
+from inverse.diagnosis.hmi.refit import fit_hmi, fit_in_full
 from tests.inverse.diagnosis.hmi.cases import measured_with, white
 
 
@@ -49,3 +53,18 @@ def test_directions_of_beliefs_are_those_of_what_a_fit_makes_least(problem, step
     assert np.any(slopes)
     np.testing.assert_allclose(whitened, slopes, rtol=1e-12)
     np.testing.assert_allclose(noise.whiten(fit.residuals[:, None])[count:, 0], -fitting.stacked(fit.unknowns)[count:])
+
+
+def test_a_fit_that_the_full_simulation_is_no_number_at_is_none(problem, monkeypatch):
+    """Where it is corrected there is such a tissue, and where the fit then comes out there is none, time and again."""
+    nothing, nowhere = np.zeros(len(problem.rows)), np.full(len(problem.rows), np.nan)
+    monkeypatch.setattr(
+        HmiDiagnosisProblem, "corrected_at",
+        lambda self, at, moved: dataclasses.replace(
+            self, correction=Correction(at, nothing, moved, np.outer(nothing, moved))
+        ),
+    )  # fmt: skip
+    monkeypatch.setattr(HmiDiagnosisProblem, "left", lambda self, unknowns: nowhere)
+    measured, _ = measured_with(problem, "output-drift", 1.0)
+    fit = fit_in_full(measured, (), white(measured), size=1e-2, start=problem.program.null())
+    assert not fit.converged and "no such tissue" in fit.status
