@@ -61,6 +61,31 @@ def test_trials_of_a_profile_begin_next_to_where_they_end(problem, monkeypatch):
     assert len(begun) >= 2 and max(begun) < 0.4
 
 
+def test_of_two_strengths_each_has_its_own_ends_and_the_other_follows(problem, monkeypatch):
+    """Trials begin where both are next to where they end; where hardly anything bends, ends are those of curvature."""
+    noise, begun, held = 2e-4, [], set()
+    hidden, _ = measured_with(problem, DRIFT, 2.0, noise=noise, seed=4)
+    causes = [next(cause for cause in HMI_CAUSES if cause.name == name) for name in ("conductivity-change", DRIFT)]
+    pair = tuple(Extension(cause, 0.0) for cause in causes)
+    fit = fit_hmi(hidden, pair, white(hidden), size=noise, strengths=np.array([0.0, 2.0 * causes[1].plausible]))
+    fitting = Fitting(hidden, pair, white(hidden), noise)
+
+    def recorded(*arguments, **given):
+        found = fit_hmi(*arguments, **given)
+        at = given["start"].copy()
+        at[fitting.strengths] = given["strengths"] / fitting.scales
+        begun.append((np.sum(fitting.stacked(at) ** 2) - found.misfit) / fit.variance)
+        held.add(given["held"])
+        return found
+
+    monkeypatch.setattr("inverse.diagnosis.hmi.profile.fit_hmi", recorded)
+    found = profiled(fit, white(hidden), noise)
+    # The bound is 4; with the other strength left at its estimate they begin 12 to 36 higher.
+    assert held == {(0,), (1,)} and max(begun) < 2.0
+    half = (fit.intervals[:, 1:] - fit.intervals[:, :1]) / 2.0
+    np.testing.assert_allclose((found.intervals - fit.intervals) / half, 0.0, atol=0.15)
+
+
 def test_profile_of_what_is_not_there_begins_at_nothing(problem):
     fit = fitted_with(problem, LAG, 0.0, 0.01, seed=5)
     by_profile = profiled(fit, white(fit.problem), 0.01)
