@@ -8,7 +8,8 @@ import pytest
 from inverse.diagnosis.hmi.correction import Correction
 from inverse.diagnosis.hmi.fitting import Fitting
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
-from inverse.diagnosis.hmi.refit import fit_hmi, fit_in_full
+from inverse.diagnosis.hmi.program import HmiProgram
+from inverse.diagnosis.hmi.refit import again_from, fit_hmi, fit_in_full
 from tests.inverse.diagnosis.hmi.cases import measured_with, white
 
 
@@ -68,3 +69,23 @@ def test_a_fit_that_the_full_simulation_is_no_number_at_is_none(problem, monkeyp
     measured, _ = measured_with(problem, "output-drift", 1.0)
     fit = fit_in_full(measured, (), white(measured), size=1e-2, start=problem.program.null())
     assert not fit.converged and "no such tissue" in fit.status
+
+
+@pytest.mark.parametrize(("size", "counts"), [(0.01, False), (0.1, True)])
+def test_the_full_simulation_may_be_half_a_standard_deviation_of_the_noise_away(problem, monkeypatch, size, counts):
+    """All readings together, where the fit leaves what the fast simulation covers."""
+    nothing, none = np.zeros(len(problem.rows)), np.zeros(0, dtype=int)
+    away = np.where(np.arange(len(problem.rows)) == 3, 0.03, 0.0)
+    monkeypatch.setattr(HmiProgram, "excess", lambda self, unknowns: 1.5)
+    monkeypatch.setattr(HmiDiagnosisProblem, "left", lambda self, unknowns: away)
+    correction = Correction(problem.program.null(), nothing, none, np.outer(nothing, none))
+    measured = dataclasses.replace(measured_with(problem, "", 0.0, noise=0.01)[0], correction=correction)
+    fit = fit_hmi(measured, (), white(measured), size=size)
+    assert fit.left == pytest.approx(0.03 / size) and fit.converged == counts
+    assert counts or "the full simulation is 3.0 standard deviations of the noise away" in fit.status
+
+
+def test_what_was_left_at_a_fit_is_known_of_the_same_fit_in_other_noise(problem):
+    measured, _ = measured_with(problem, "", 0.0, noise=0.01)
+    fit = dataclasses.replace(fit_hmi(measured, (), white(measured), size=0.01), left=0.7)
+    assert again_from(fit, measured.noise_family()[-1], 0.01).left == 0.7
