@@ -15,6 +15,7 @@ from inverse.datasets.shipped import shipped
 from inverse.fast_hmi import FastHmi, Verification
 from inverse.hmi_problem import FastPrediction, hmi_problem
 from inverse.inference.experiment import anchored, inference_settings
+from inverse.inference.sonications import Sonications
 
 DESCRIBED = read_experiment(shipped("suomi2016_experiment"))
 SETTINGS = inference_settings(DESCRIBED, "suomi2016_experiment")
@@ -91,16 +92,11 @@ class Part(FastHmi):
         return Verification(fast, full, stiffness(models) < 2.0 * STANDING)
 
 
-def test_parts_are_verified_with_their_own_models_and_all_have_to_cover(monkeypatch):
-    base, told = DESCRIBED.model(), []
-
-    def with_factor(factor):
-        place = lambda model: model.lesion.viscoelasticity.branch_modulus.value  # noqa: E731
-        return eqx.tree_at(place, base, jnp.asarray(factor * STANDING))
-
-    monkeypatch.setattr(module, "models_of", lambda model, count: model)
+def test_parts_are_verified_with_their_own_models_and_all_have_to_cover():
+    place, told = ("lesion.viscoelasticity.branch_modulus.value",), []
     prediction = FastPrediction((Part(row=0), Part(row=2)), 3, True)
-    models = [(with_factor(1.1), with_factor(0.7)), (with_factor(1.0), with_factor(3.0))]
+    factors = ((1.1, 0.7), (1.0, 3.0))
+    models = [Sonications(DESCRIBED.model(), (tuple(one * STANDING for one in each),), place, 2) for each in factors]
     checked = prediction.verify(models, SETTINGS_OF_SOUND, on_step=told.append)
     np.testing.assert_allclose(checked.fast, [[110.0, 0.0, 70.0], [100.0, 0.0, 300.0]])
     np.testing.assert_array_equal(checked.full, [[100.0, 0.0, 100.0]] * 2)
