@@ -242,7 +242,7 @@ def fit_hmi(
         max_steps: Steps after which the optimisation is stopped, and said not to have converged.
 
     Raises:
-        InputError: if data and protocol do not go together.
+        InputError: if data and protocol do not go together, or nothing tells how the data scatter.
     """
     constants = constants_of(model, settings)
     sweeps = plan_sweeps(data, protocol, settings.reference_temperature_c)
@@ -261,6 +261,11 @@ def fit_hmi(
     # Against time a curve is over the simulated value at the reference temperature, which no reading has to be.
     in_time = data.temperature is None
     informative = np.arange(len(measured)) if in_time else used_rows(data, settings.reference_temperature_c)
+    if not (given or len(informative)):
+        raise InputError(
+            f"{data.path}: no row says anything of the model: all are 100 percent at "
+            f"{settings.reference_temperature_c:g} degC, as any model is. Give readings at other temperatures."
+        )
     sd = np.asarray(data.sd) / unit if given else np.full(len(measured), _FIRST_NOISE_PERCENT)
     fit = _at_noise(residuals, np.zeros(len(constants.parameters)), sd, on_step, max_steps)
     before = fit.differences_at_start

@@ -12,7 +12,7 @@ import pytest
 from arfjax import Effort, InputError, Square, discretise, read_experiment, stepwise_displacement
 from inverse.datasets.hmi import HmiData
 from inverse.datasets.shipped import shipped
-from inverse.fast_hmi import prepare_fast
+from inverse.fast_hmi import FastHmi, Verification, prepare_fast
 from inverse.hmi_fit import CalibrationSettings, constants_of
 from inverse.hmi_model import plan_sweeps
 from tests.checks import assert_gradient
@@ -151,6 +151,53 @@ def test_a_model_built_otherwise_is_refused(fast):
     thinner = eqx.tree_at(lambda model: model.path, MODEL, MODEL.path[:-1])
     with pytest.raises(InputError, match="built otherwise"):
         fast.predict(thinner, **ROWS)
+
+
+def test_error_of_a_model_is_the_largest_of_its_rows_over_the_largest_of_its_full_curve():
+    """And the largest of all is of those that are covered."""
+    fast, full = np.array([[50.0, 95.0], [np.nan, np.nan], [220.0, 130.0]]), np.array([[100.0, 80.0]] * 3)
+    checked = Verification(fast, full, np.array([True, False, False]))
+    np.testing.assert_allclose(checked.errors, [0.5, np.nan, 1.2])
+    assert checked.largest_error == 0.5
+    assert np.isnan(Verification(fast, full, np.zeros(3, dtype=bool)).largest_error)
+
+
+class Shapes:
+    """In place of a fast curve: displacement rises with temperature, by as much for every shape."""
+
+    class solid:
+        n_modes = 9
+
+    @staticmethod
+    def extrapolated(model, temperatures, protocol, *, heating, n_modes=9):
+        return heating * n_modes * (1.0 + 0.01 * n_modes * (temperatures - temperatures[0]))
+
+    @staticmethod
+    def excess(model, temperatures, protocol, *, heating):
+        return model.drive.acoustic_power / MODEL.drive.acoustic_power * heating / 100.0
+
+
+class Stub(FastHmi):
+    """In place of a heating the temperature of its end."""
+
+    curve: type = Shapes  # type: ignore[assignment]
+    sweeps: tuple = ()
+
+    def _states(self, model, sweep):
+        return sweep.protocol.final_temperature, jnp.asarray([sweep.reference_temperature, *sweep.states])
+
+
+def test_indicator_is_what_the_last_third_of_the_shapes_adds_to_the_worst_curve():
+    """Over the largest of it, each curve over its displacement at the reference."""
+    fast = Stub(sweeps=(*sweeps_of([70.0, 45.0]), *sweeps_of([50.0])))
+    # At 70 degC three hundredths of the 33 K since the reference, of 1 + 0.09 times these; at 50 degC less.
+    assert float(fast.indicator(MODEL)) == pytest.approx(0.03 * 33.0 / (1.0 + 0.09 * 33.0), rel=1e-6)
+    assert float(fast.excess(MODEL)) == pytest.approx(0.7)
+    twice = eqx.tree_at(lambda model: model.drive.acoustic_power, MODEL, 2.0 * MODEL.drive.acoustic_power)
+    assert np.isinf(float(fast.indicator(twice)))
+    rows = fast.predict(MODEL, n_rows=2, in_percent=True)
+    np.testing.assert_allclose(rows[1], 100.0 * (1.0 + 0.09 * 8.0))
+    assert np.all(np.isnan(fast.predict(twice, n_rows=2, in_percent=True)))
 
 
 def freed(count, *, width, seed):

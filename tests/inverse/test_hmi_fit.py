@@ -11,7 +11,7 @@ from arfjax import InputError, discretise, read_experiment, run_stepwise
 from inverse import hmi_fit, hmi_model
 from inverse.datasets.hmi import HmiData
 from inverse.datasets.shipped import shipped
-from inverse.hmi_fit import CalibrationSettings, constants_of, fit_hmi
+from inverse.hmi_fit import AttenuationPrior, CalibrationSettings, constants_of, fit_hmi
 from inverse.hmi_model import plan_sweeps, predict
 
 TEMPERATURES = np.asarray([37.0, 45.0, 52.0, 58.0, 64.0, 70.0])
@@ -179,8 +179,12 @@ def test_a_linear_model_has_its_posterior_in_closed_form(described, linear, tmp_
     np.testing.assert_allclose(found.coefficient_errors, np.sqrt(np.diag(inverse @ at_anchors @ inverse.T)), rtol=1e-5)
 
 
-def test_unknown_noise_is_what_the_differences_speak_for(described, linear, tmp_path):
-    """s^2 = sum of squares / (n - g), of the rows that say something, to the percent at which it counts as settled."""
+@pytest.mark.parametrize("in_time", [False, True])
+def test_unknown_noise_is_what_the_differences_speak_for(described, linear, tmp_path, in_time):
+    """s^2 = sum of squares / (n - g), of the rows that say something, to the percent at which it counts as settled.
+
+    Of a curve over time these are all: it is over the simulated displacement at a temperature that no row need have.
+    """
     random = np.random.default_rng(6)
     percent = 100.0 + EFFECT @ (0.3 * random.normal(size=8))
     percent[REFERENCE_ROWS:] += 2.0 * random.normal(size=12)
@@ -188,13 +192,26 @@ def test_unknown_noise_is_what_the_differences_speak_for(described, linear, tmp_
     for _ in range(200):
         prior, mean, covariance = posterior(percent, np.full(15, expected))
         determined = 8.0 - np.trace(np.linalg.solve(prior, covariance))
-        left = (percent - 100.0 - EFFECT @ mean)[REFERENCE_ROWS:]
-        expected = float(np.sqrt(left @ left / (12.0 - determined)))
+        left = (percent - 100.0 - EFFECT @ mean)[0 if in_time else REFERENCE_ROWS :]
+        expected = float(np.sqrt(left @ left / (len(left) - determined)))
     model, data = described.model(), data_of(tmp_path / "x.csv", CURVE, percent, None)
+    if in_time:
+        data = dataclasses.replace(data, temperature=None, time=np.linspace(0.0, 60.0, 15))
     found = fit_hmi(model, data, described.stepwise(), discretise(model, refinement=0.4), CalibrationSettings())
     assert found.noise_estimated and found.noise_settled
     np.testing.assert_allclose(found.noise_sd, expected, rtol=0.03)
     np.testing.assert_allclose(found.determined, determined, atol=0.1)
+    # Before the first of the fits, not before the last.
+    np.testing.assert_allclose(found.before, 100.0, rtol=1e-9)
+
+
+def test_readings_that_no_model_can_miss_are_no_data(described, linear, tmp_path):
+    """Of noise they say nothing, and there would be none in the end."""
+    model, only = described.model(), np.full(len(CURVE), 37.0)
+    given = (model, described.stepwise(), discretise(model, refinement=0.4), CalibrationSettings())
+    data = data_of(tmp_path / "x.csv", only, np.full(len(CURVE), 100.0), None)
+    with pytest.raises(InputError, match="x.csv: no row says anything of the model"):
+        fit_hmi(given[0], data, *given[1:])
 
 
 @pytest.fixture
@@ -240,6 +257,23 @@ def test_prior_is_centred_on_the_model(described):
     np.testing.assert_allclose(model.liver.attenuation.coefficients, original.liver.attenuation.coefficients, rtol=1e-6)
     stiffness = model.lesion.viscoelasticity.branch_modulus
     np.testing.assert_allclose(stiffness.value, original.lesion.viscoelasticity.branch_modulus.value, rtol=1e-12)
+
+
+@pytest.mark.parametrize("anchors", [(35.0, 45.0, 45.5, 65.0, 84.0), (35.0, 55.0, 45.0, 65.0, 84.0)])
+def test_temperatures_of_attenuation_rise_by_a_kelvin_each(anchors):
+    """Else five values make no polynomial, or one that nothing holds between two of them."""
+    with pytest.raises(ValueError, match="must rise by 1 K or more"):
+        CalibrationSettings(attenuation=AttenuationPrior(anchor_temperatures_c=anchors))
+
+
+def test_attenuation_that_is_not_positive_at_one_of_its_temperatures_is_refused(described):
+    """A polynomial that is positive at four of them: a logarithm that there is not has no prior."""
+    law = described.model().liver.attenuation
+    rest = law.percent(np.asarray(CalibrationSettings().attenuation.anchor_temperatures_c))
+    sunk = law.coefficients - np.eye(len(law.coefficients))[0] * (np.sort(rest)[0] + 0.5)
+    model = eqx.tree_at(lambda one: one.liver.attenuation.coefficients, described.model(), jnp.asarray(sunk))
+    with pytest.raises(InputError, match="the polynomial is not positive there"):
+        constants_of(model, CalibrationSettings())
 
 
 def test_sonications_are_grouped_by_the_temperature_that_they_reach(described, tmp_path):

@@ -39,10 +39,11 @@ class HmiAccount:
     @property
     def sentence(self) -> str:
         """The simulation and the data."""
-        count = len(self.problem.program.start)
+        count, sonications = len(self.problem.program.start), len(self.problem.rows.labels)
         return (
-            f"the experiment's simulation with {count} constant{'s' if count > 1 else ''} fitted and a factor of each "
-            f"of {len(self.problem.rows.labels)} sonications, {len(self.problem.rows)} readings"
+            f"the experiment's simulation with {count} constant{'s' if count > 1 else ''} fitted and a factor of "
+            f"{f'each of {sonications} sonications' if sonications > 1 else 'the sonication'}, "
+            f"{len(self.problem.rows)} readings"
         )
 
     @property
@@ -92,20 +93,20 @@ class HmiAccount:
     def describe(self, place: Absorbed) -> str:
         """Where the correction is largest, its sign and its size, and from where on it is there."""
         rows = self.problem.rows
-        relative = place.correction[: len(rows)] / self.problem.weights
-        row = int(np.argmax(np.abs(relative)))
-        side = "above" if relative[row] > 0.0 else "below"
+        logarithm = place.correction[: len(rows)] / self.problem.weights
+        row = int(np.argmax(np.abs(logarithm)))
+        side = "above" if logarithm[row] > 0.0 else "below"
         return (
-            f"{place.words}: the measured displacement is {100.0 * abs(relative[row]):.2g} % {side} the model at most, "
-            f"at {rows.temperature[row]:.0f} degC in sonication {rows.labels[rows.sonication[row]]}"
-            f"{self._onset(relative)}"
+            f"{place.words}: the measured displacement is {100.0 * abs(np.expm1(logarithm[row])):.2g} % {side} the "
+            f"model at most, at {rows.temperature[row]:.0f} degC in sonication {rows.labels[rows.sonication[row]]}"
+            f"{self._onset(logarithm)}"
         )
 
-    def _onset(self, relative: np.ndarray) -> str:
+    def _onset(self, logarithm: Float[np.ndarray, " row"]) -> str:
         temperature = self.problem.rows.temperature
-        large = temperature[np.abs(relative) >= 0.5 * np.max(np.abs(relative))]
+        large = temperature[np.abs(logarithm) >= 0.5 * np.max(np.abs(logarithm))]
         above = temperature >= large.min()
-        mostly = np.mean(np.abs(relative[above]) >= 0.25 * np.max(np.abs(relative)))
+        mostly = np.mean(np.abs(logarithm[above]) >= 0.25 * np.max(np.abs(logarithm)))
         return f", from {large.min():.0f} degC on" if large.min() > temperature.min() + 5.0 and mostly > 0.6 else ""
 
     def constants(self, extended: HmiFit) -> list[FittedConstant]:

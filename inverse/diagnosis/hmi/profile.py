@@ -197,8 +197,10 @@ class _End:
         start = self._start(problem, step) if start is None else start
         if start is None:
             return None
-        fit = self.fit
-        strengths: Float[np.ndarray, " extension"] = fit.strengths.copy()
+        fit, place = self.fit, problem.program.place
+        # Other strengths begin on the line, too.
+        begun = [start[place(one.cause.name)] * one.cause.plausible for one in fit.extensions]
+        strengths: Float[np.ndarray, " extension"] = np.array(begun)
         strengths[self.which] = self._strength(step)
         found = fit_hmi(
             problem, self._shaped(start), self.noise, size=self.size, start=start, strengths=strengths,

@@ -17,6 +17,7 @@ _MOST_CORRECTIONS = 5
 SETTLED = 0.5
 """What the full simulation may have more than the corrected one where a fit came out, in standard deviations of the
 noise all together (d'), for the fit to count as one of the full simulation."""
+_NO_SUCH_TISSUE = "the full simulation has no such tissue: not corrected to it"
 
 
 def fit_in_full(
@@ -46,14 +47,15 @@ def fit_in_full(
     for _ in range(_MOST_CORRECTIONS):
         near = problem.corrected_at(found.unknowns, moved_by(problem, found.extensions))
         if near.correction is None or not near.correction.is_finite:
-            status = "the full simulation has no such tissue: not corrected to it"
-            return dataclasses.replace(found, converged=False, status=status)
+            return dataclasses.replace(found, converged=False, status=_NO_SUCH_TISSUE)
         found = fit_hmi(
             near, found.extensions, noise, size=size, start=found.unknowns, strengths=found.strengths, anywhere=True
         )  # fmt: skip
         found = _compared(found, size)
         if found.left <= SETTLED:
             return found
+    if math.isnan(found.left):
+        return dataclasses.replace(found, converged=False, status=_NO_SUCH_TISSUE)
     return found if found.excess <= 1.0 else _not_confirmed(found)
 
 

@@ -70,3 +70,11 @@ def strength_and_shape(problem, name, strength, shape):
     place = problem.program.place(name)
     unknowns[[place, place + len(problem.program.causes)]] = strength, shape
     return unknowns
+
+
+def bare(kind, **fields):
+    """One of a frozen class with some of its fields, unchecked."""
+    made = object.__new__(kind)
+    for name, value in fields.items():
+        object.__setattr__(made, name, value)
+    return made

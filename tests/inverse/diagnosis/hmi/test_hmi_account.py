@@ -13,7 +13,7 @@ from inverse.diagnosis.hmi.features import Curve, mismatches
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.refit import fit_hmi
 from inverse.diagnosis.outlying import Outlying
-from tests.inverse.diagnosis.hmi.cases import measured_with, white
+from tests.inverse.diagnosis.hmi.cases import bare, measured_with, white
 
 TEMPERATURE = np.array([37.0, 45.0, 59.0, 70.0, 84.0])
 
@@ -68,6 +68,14 @@ def test_scatter_is_that_of_the_reading(measured, simulated, is_told):
     assert [one.startswith("Sonication 3, end") for one in told] == [is_told]
 
 
+@pytest.mark.parametrize(
+    ("labels", "said"), [(("1",), "a factor of the sonication"), (("1", "2"), "each of 2 sonications")]
+)
+def test_factors_are_counted(problem, labels, said):
+    one = dataclasses.replace(problem, rows=dataclasses.replace(problem.rows, labels=labels))
+    assert f"{said}, {len(problem.rows)} readings" in HmiAccount(one, bare(HmiFit, problem=one)).sentence
+
+
 def test_scatter_is_that_of_the_fit_that_leaves_least(problem, monkeypatch):
     """What fits make least is weighed in the noise of each: of a bad one it can be less than of a good one."""
     asked = []
@@ -77,6 +85,33 @@ def test_scatter_is_that_of_the_fit_that_leaves_least(problem, monkeypatch):
     better = dataclasses.replace(null, residuals=0.5 * null.residuals, misfit=2.0 * null.misfit)
     HmiAccount(hidden, null).facts({"output-drift": better})
     assert asked == [pytest.approx(noise_size(better))]
+
+
+def test_curves_of_a_report_are_by_temperature_and_in_percent_whatever_the_weights(problem, monkeypatch):
+    """Of a file with deviations of 2 %, its rows from hot to cold: residuals are in units of the deviations."""
+    told = {}
+    monkeypatch.setattr(account, "mismatches", lambda *curves, size: told.update(curves=curves, size=size) or [])
+    count, hot = len(problem.rows), 5
+    back = np.arange(count)[::-1]
+    rows = dataclasses.replace(
+        problem.rows,
+        log_displacement=0.01 * problem.rows.temperature[back],
+        temperature=problem.rows.temperature[back],
+        sonication=problem.rows.sonication[back],
+        deviation=np.full(count, 0.02),
+    )
+    stated = dataclasses.replace(problem, rows=rows)
+    residuals = np.append(np.where(np.arange(count) == hot, np.log(1.1) / 0.02, 0.0), [7.0, 7.0])
+    null = bare(HmiFit, problem=stated, residuals=residuals, freedom=16.0)
+    HmiAccount(stated, null).facts({})
+    measured, simulated, _ = told["curves"]
+    for one, other in zip(measured, simulated, strict=True):
+        np.testing.assert_allclose(one.percent, 100.0 * np.exp(0.01 * (one.temperature - one.temperature[0])))
+        assert np.all(np.diff(one.temperature) > 0.0) and np.array_equal(other.temperature, one.temperature)
+        off = np.where(one.temperature == rows.temperature[hot], np.log(1.1), 0.0)
+        of_it = rows.labels[rows.sonication[hot]] == one.label
+        np.testing.assert_allclose(np.log(one.percent / other.percent), off * of_it, atol=1e-12)
+    assert told["size"] == pytest.approx(np.log(1.1) / 4.0)
 
 
 def test_a_peak_at_another_temperature_is_told_with_what_takes_it_there():
@@ -91,13 +126,6 @@ def test_a_peak_at_another_temperature_is_told_with_what_takes_it_there():
     # 7 points of the one and 4 of the other are lost between the two readings, 11.3 are two deviations of 4 %.
     assert any("the peak is at" in one for one in mismatches([measured], [simulated], {}, size=0.0386))
     assert not any("the peak is at" in one for one in mismatches([measured], [simulated], {}, size=0.0388))
-
-
-def bare(kind, **fields):
-    made = object.__new__(kind)
-    for name, value in fields.items():
-        object.__setattr__(made, name, value)
-    return made
 
 
 def test_a_slip_is_told_with_its_temperature_and_sonication_in_percent(problem, monkeypatch):

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from scipy import linalg, stats
 
+from inverse.diagnosis.hmi import gain
+from inverse.diagnosis.hmi.courses import HmiRows
+from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.gain import _folds, _score, held_out_gain_hmi
 from inverse.diagnosis.hmi.refit import fit_hmi
-from tests.inverse.diagnosis.hmi.cases import fitted_with, measured_with, white
+from inverse.diagnosis.noise import Noise, series
+from tests.inverse.diagnosis.hmi.cases import bare, fitted_with, measured_with, white
 
 NOISE = 0.005
 
@@ -62,3 +66,46 @@ def test_a_sonication_of_two_readings_is_never_left_out_and_that_is_said(problem
     parts, split = _folds(dataclasses.replace(problem, rows=three))
     assert len(parts) == 2 and not any(np.any(part[:2]) for part in parts)
     assert split.startswith("each of 2 sonications left out in turn (1 more with 2 readings or fewer never)")
+
+
+class Linear:
+    """One sonication whose weighted residuals are known, with readings of weights that differ."""
+
+    def __init__(self, temperature, raw, weights):
+        count = len(temperature)
+        at, none = np.asarray(temperature), np.zeros(count, dtype=int)
+        self.rows = HmiRows(np.zeros(count), none, ("1",), at, at, none > 0, None, np.arange(count))
+        self.raw, self.weights = raw, weights
+
+    def residuals(self, _):
+        return self.raw
+
+
+def test_score_of_a_block_has_the_factor_and_the_noise_of_the_readings_in_use():
+    """Three times louder noise above the middle; what is left out tells nothing of the factor."""
+    rng, weights = np.random.default_rng(3), np.linspace(20.0, 60.0, 12)
+    temperature, left_out = np.linspace(37.0, 80.0, 12), np.isin(np.arange(12), [4, 5, 8])
+    scale = np.where(temperature < 60.0, 1.0, 3.0)
+    noise = Noise(0.0, series("time", [0] * 12, temperature), np.log(scale), 0.0, 3.0, 60.0)
+    problem = Linear(temperature, weights * 0.05 + scale * rng.standard_normal(12), weights)
+    factor = np.linalg.lstsq((weights / scale)[~left_out, None], (problem.raw / scale)[~left_out])[0][0]
+    rest = problem.raw - factor * weights
+    fit = bare(HmiFit, problem=problem, unknowns=np.zeros(0), residuals=rest, freedom=6.0)
+    relative, density = _score(fit, noise, left_out)
+    np.testing.assert_allclose(relative, (rest / weights)[left_out], rtol=1e-12)
+    deviation = np.sqrt(np.sum((rest / scale)[~left_out] ** 2) / 6.0) * scale[left_out]
+    assert density == pytest.approx(float(np.sum(stats.norm.logpdf(rest[left_out], scale=deviation))), rel=1e-12)
+
+
+def test_refits_that_did_not_converge_are_counted(problem, monkeypatch):
+    asked = []
+
+    def refitted(*_, used, **__):
+        asked.append(used)
+        return bare(HmiFit, converged=len(asked) != 3)
+
+    monkeypatch.setattr(gain, "fit_hmi", refitted)
+    monkeypatch.setattr(gain, "_score", lambda fit, noise, left_out: (np.ones(2), 0.0))
+    whole = bare(HmiFit, problem=problem, extensions=(), unknowns=problem.program.null(), strengths=np.zeros(0))
+    found = held_out_gain_hmi(white(problem), size=NOISE, null=whole, extended=whole)
+    assert len(asked) == 4 and found is not None and found.unfinished == 1

@@ -5,16 +5,17 @@ import dataclasses
 import numpy as np
 import pytest
 
-from arfjax import InputError, discretise
+from arfjax import InputError, discretise, simulate_heating
 from inverse.datasets.hmi import read_hmi
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows, plan_courses, require_during
 from inverse.diagnosis.hmi.diagnosis import _axes
+from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.free_forms import _shared, _taken_at, hmi_free_forms
 from inverse.diagnosis.hmi.prepare import _notes
 from inverse.diagnosis.hmi.refit import fit_hmi
 from inverse.diagnosis.where import Absorbed
-from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, curves, white
+from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, bare, curves, white
 
 
 def test_reading_that_a_curve_was_divided_by_is_one_of_its_rows():
@@ -67,6 +68,17 @@ def test_a_curve_that_is_100_percent_at_its_coldest_reading_was_divided_by_that(
     assert list(rows.temperature[rows.is_reference]) == [TEMPERATURES[0], 35.0] and rows.sonication[-1] == 1
 
 
+def test_the_coldest_reading_need_not_be_the_first_and_one_that_is_missing_is_as_uncertain_as_most():
+    """A thermometer's noise may be larger than the first steps are; one bad reading is no measure of the others."""
+    percent, temperature = np.full(len(TEMPERATURES), 97.0), TEMPERATURES.copy()
+    temperature[:2], percent[1] = [38.5, 37.5], 100.0
+    deviation = np.where(np.arange(len(percent)) == 20, 30.0, 0.97)
+    data = dataclasses.replace(curves(percent), temperature=temperature, sd=deviation)
+    rows = hmi_rows(data, 35.0)
+    assert list(np.flatnonzero(rows.is_reference)) == [1, len(TEMPERATURES)] and rows.sonication[-1] == 1
+    assert rows.deviation[-1] == pytest.approx(0.01) and rows.deviation[20] == pytest.approx(30.0 / 97.0)
+
+
 @pytest.mark.parametrize("timed", [True, False])
 def test_readings_while_it_cools_are_refused(timed):
     data = curves(np.full(len(TEMPERATURES), 97.0), np.tile(np.arange(13.0), 2) if timed else None)
@@ -104,6 +116,21 @@ def test_times_after_the_sonication_are_refused_and_those_that_disagree_are_told
     assert not any("earlier" in note for note in usual) and any(
         "s earlier than the simulated" in note for note in early
     )
+
+
+def test_of_times_alone_temperatures_are_those_of_the_simulated_heating(described):
+    """All sonications up to the protocol's last temperature, and what was read at its end is as warm as that."""
+    model, protocol = described.model(), described.stepwise()
+    times = np.tile(np.linspace(0.0, protocol.duration, 13), 2)
+    data = dataclasses.replace(curves(np.full(len(TEMPERATURES), 97.0), times), temperature=None)
+    settings = discretise(model, refinement=0.5)
+    rows = plan_courses(data, hmi_rows(data, 37.0), model, protocol, settings, 37.0)[1]
+    heating = simulate_heating(model, protocol, settings)
+    np.testing.assert_allclose(rows.temperature, np.interp(times, heating.time, heating.focal_temperature), atol=1e-6)
+    assert rows.temperature[0] == pytest.approx(protocol.start_temperature)
+    assert rows.temperature[12] == pytest.approx(protocol.final_temperature)
+    np.testing.assert_array_equal(rows.time, times)
+    assert np.all(np.isnan(rows.lateness))
 
 
 def test_readings_at_one_temperature_have_a_correction_however_dense_they_are():
@@ -159,6 +186,25 @@ def test_a_correction_is_told_by_its_place_sign_size_and_onset(problem, size, lo
     beliefs = np.zeros(len(null.residuals) - len(problem.rows))
     place = Absorbed("somewhere", 0.5, 0.01, np.append(problem.weights * correction, beliefs))
     assert HmiAccount(problem, null).describe(place) == f"somewhere: {words}"
+
+
+def test_a_correction_of_some_readings_in_the_middle_begins_nowhere(problem):
+    """It is told from where on it is there only if it mostly is there from then on."""
+    temperature, account = problem.rows.temperature, HmiAccount(problem, bare(HmiFit, problem=problem))
+    for largest, said in ((85.0, True), (60.0, False)):
+        correction = np.where((temperature > 50.0) & (temperature < largest), 0.1, 0.0)
+        told = account.describe(Absorbed("somewhere", 0.5, 0.01, correction))
+        assert told.endswith(", from 50 degC on") == said and "is 11 % above" in told
+
+
+@pytest.mark.parametrize(("share", "words"), [(0.3, "70 % below"), (1.8, "80 % above")])
+def test_a_large_correction_is_told_in_percent_of_the_model(problem, share, words):
+    """Not by its logarithm, of which that to a third would be more than all; nor in units of stated deviations."""
+    count = len(problem.rows)
+    stated = dataclasses.replace(problem, rows=dataclasses.replace(problem.rows, deviation=np.full(count, 0.02)))
+    correction = np.where(np.arange(count) == 7, np.log(share) / 0.02, 0.0)
+    told = HmiAccount(stated, bare(HmiFit, problem=stated)).describe(Absorbed("somewhere", 0.5, 0.01, correction))
+    assert f"is {words} the model at most, at {problem.rows.temperature[7]:.0f} degC in sonication 1" in told
 
 
 def test_neighbours_at_one_temperature_are_of_different_sonications(problem):

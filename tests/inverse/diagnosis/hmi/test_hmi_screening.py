@@ -23,7 +23,7 @@ from inverse.diagnosis.hmi.examination import Refits, noise_size
 from inverse.diagnosis.hmi.fitting import Fitting, moved_by
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import again_from, fit_hmi
-from inverse.diagnosis.hmi.rough_fit import best_of_each, in_full
+from inverse.diagnosis.hmi.rough_fit import best_of_each, in_full, rough_fits
 from inverse.diagnosis.screening import Screen, independent, unit_columns
 from inverse.figures.hmi_diagnosis import hmi_diagnosis_figure
 from inverse.figures.residuals import residuals_figure
@@ -173,6 +173,17 @@ def test_causes_are_fitted_in_white_noise_too_where_another_kind_is_likeliest(pr
     np.testing.assert_array_equal(begun[-1], first.unknowns)
 
 
+def test_beliefs_on_the_way_to_a_fit_count_as_much_in_noise_that_is_louder_somewhere(problem):
+    hidden, null, effects, _ = looked_for_in(problem, DRIFT, 1.0, 0.005)
+    noise = next(one for one in hidden.noise_family() if one.correlation == 0.0 and one.step == 3.0)
+    near, effects = again_from(null, noise, 0.005), [one for one in effects if one.sign > 0]
+    (fit,) = rough_fits(near, noise, effects, size=0.005, spread=noise_size(near))
+    believed = hidden.program.penalties(fit.unknowns) - hidden.program.penalties(near.unknowns)
+    way = fit.alternative.directions[len(hidden.rows) :, 0] * fit.strength
+    assert np.max(np.abs(believed)) > 0.01
+    np.testing.assert_allclose(way, 0.005 * believed, atol=1e-12)
+
+
 def test_refit_of_a_bad_first_guess_begins_where_the_rough_fit_is(problem):
     hidden, null, _, rough = looked_for_in(problem, "cavitation", 0.3, 0.005)
     cause, noise, best = named("cavitation"), white(hidden), best_of_each(rough)["cavitation"]
@@ -201,6 +212,9 @@ def test_way_of_a_cause_that_gains_is_asked_of_the_full_simulation(problem):
     hardly = best.misfit * (1.0 + 1.9**2 / begun.freedom)
     blind = dataclasses.replace(begun, misfit=hardly, residuals=0.0 * begun.residuals)
     assert all(a is b for a, b in zip(rough, in_full([(blind, rough)], blind, family, 0.005), strict=True))
+    # One that the fast simulation has no use for, but along whose way lies what the full one leaves, may be in the way.
+    seen = in_full([(dataclasses.replace(begun, misfit=hardly), rough)], null, family, 0.005)
+    assert [a is not b for a, b in zip(rough, seen, strict=True)] == [fit is best for fit in rough]
 
 
 @pytest.mark.slow

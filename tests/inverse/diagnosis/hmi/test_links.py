@@ -1,5 +1,7 @@
 """Corrections of no name in each link of the chain: their slopes, and that the link with an effect takes it."""
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -9,9 +11,10 @@ from inverse.diagnosis.free_forms import COARSE, process
 from inverse.diagnosis.hmi import links
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.cause import HmiCause
+from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.links import slopes_of_links
 from inverse.diagnosis.hmi.refit import fit_hmi
-from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, measured_with, white
+from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, bare, measured_with, white
 
 FOCUS, EDGE = "in the temperature of the focus, as read or as simulated", "in the lesion's edge"
 ATTENUATION, LIVER = "in the attenuation of liver", "in the moduli of liver"
@@ -85,3 +88,26 @@ def test_what_links_take_is_drawn_with_the_seed_of_the_diagnosis(problem):
     null = fit_hmi(problem, (), white(problem), size=0.003)
     first, again, other = ([one.p_family for one in HmiAccount(problem, null, seed=seed).links()] for seed in (1, 1, 2))
     assert first == again != other
+
+
+def test_corrections_of_links_are_weighed_as_readings_are(problem, monkeypatch):
+    """Of a reading with five times the deviation a fifth is felt; of what is believed of constants nothing."""
+    asked, count = [], len(problem.rows)
+
+    def spied(_, forms, __):
+        asked.append({form.name: form.directions for form in forms})
+        raise InterruptedError
+
+    monkeypatch.setattr(links, "Screen", spied)
+    deviation = np.where(np.arange(count) % 3 == 0, 0.05, 0.01)
+    for given in (np.ones(count), deviation):
+        of_it = dataclasses.replace(problem, rows=dataclasses.replace(problem.rows, deviation=given))
+        null = bare(HmiFit, problem=of_it, unknowns=problem.program.null(), residuals=np.zeros(count + 2),
+                    directions=np.zeros((count + 2, 1)))  # fmt: skip
+        with pytest.raises(InterruptedError):
+            links.absorbed_by_links(null, of_it.noise_family(), np.random.default_rng(0))
+    plain, weighed = asked
+    assert list(plain) == list(links._LINKS)
+    for words, directions in weighed.items():
+        np.testing.assert_allclose(directions[:count], plain[words][:count] / deviation[:, None], rtol=1e-12)
+        assert np.any(directions) and not np.any(directions[count:])

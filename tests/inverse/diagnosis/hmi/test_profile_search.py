@@ -31,9 +31,11 @@ def test_a_trial_that_failed_is_no_end(covered, start):
     assert abs(end.risen - 1.0) < 0.05 and end.remark == ""
 
 
-def test_where_no_fit_is_farther_the_end_is_there_and_that_is_said():
-    end = searched(profile(lambda step: step, covered=0.7), 1.0, 100.0)
-    assert 0.95 * 0.7 <= end.step <= 0.7 and "no farther" in end.remark
+@pytest.mark.parametrize("unit", [1.0, 0.01])
+def test_where_no_fit_is_farther_the_end_is_there_and_that_is_said(unit):
+    """As near to it, whatever the unit of the strength."""
+    end = searched(profile(lambda step: step / unit, covered=0.7 * unit), unit, 100.0 * unit)
+    assert 0.95 * 0.7 * unit <= end.step <= 0.7 * unit and "no farther" in end.remark
 
 
 def test_an_end_that_is_not_found_is_said_to_be_none():
@@ -48,6 +50,14 @@ def test_there_are_no_more_trials_than_may_be():
     steps = []
     end = searched(profile(lambda step: steps.append(step) or step), 0.01, 100.0, most=2)
     assert steps == [0.01, 0.03] and end.remark == "was not met in 2 trials."
+
+
+def test_after_a_trial_far_beyond_the_bound_the_next_is_a_third_as_far():
+    """The line through it and the estimate would lead to next to nothing where the profile bends upwards."""
+    steps = []
+    end = searched(profile(lambda step: steps.append(step) or step**4), 9.0, 100.0)
+    np.testing.assert_allclose(steps[:2], [9.0, 3.0])
+    assert abs(end.risen - 1.0) < 0.05
 
 
 def test_what_is_to_be_said_of_a_trial_is_said_of_the_end():

@@ -8,12 +8,13 @@ from scipy import stats
 
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.hmi.correction import Correction
 from inverse.diagnosis.hmi.examination import Refits, noise_size
-from inverse.diagnosis.hmi.fitting import Fitting, moved_by
+from inverse.diagnosis.hmi.fitting import Fitting, HmiFit, moved_by
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import fit_hmi, fit_in_full
-from inverse.diagnosis.hmi.twin import spanning, twin_strength
-from tests.inverse.diagnosis.hmi.cases import fitted_with, measured_with, white
+from inverse.diagnosis.hmi.twin import _farthest, spanning, twin_strength
+from tests.inverse.diagnosis.hmi.cases import bare, fitted_with, measured_with, white
 
 DRIFT, POSITION, LAG = "output-drift", "thermocouple-position", "thermocouple-lag"
 
@@ -60,6 +61,31 @@ def test_trials_of_a_profile_begin_next_to_where_they_end(problem, monkeypatch):
     assert len(begun) >= 2 and max(begun) < 0.4
 
 
+def test_of_two_strengths_each_has_its_own_ends_and_the_other_follows(problem, monkeypatch):
+    """Trials begin where both are next to where they end; where hardly anything bends, ends are those of curvature."""
+    noise, begun, held = 2e-4, [], set()
+    hidden, _ = measured_with(problem, DRIFT, 2.0, noise=noise, seed=4)
+    causes = [next(cause for cause in HMI_CAUSES if cause.name == name) for name in ("conductivity-change", DRIFT)]
+    pair = tuple(Extension(cause, 0.0) for cause in causes)
+    fit = fit_hmi(hidden, pair, white(hidden), size=noise, strengths=np.array([0.0, 2.0 * causes[1].plausible]))
+    fitting = Fitting(hidden, pair, white(hidden), noise)
+
+    def recorded(*arguments, **given):
+        found = fit_hmi(*arguments, **given)
+        at = given["start"].copy()
+        at[fitting.strengths] = given["strengths"] / fitting.scales
+        begun.append((np.sum(fitting.stacked(at) ** 2) - found.misfit) / fit.variance)
+        held.add(given["held"])
+        return found
+
+    monkeypatch.setattr("inverse.diagnosis.hmi.profile.fit_hmi", recorded)
+    found = profiled(fit, white(hidden), noise)
+    # The bound is 4; with the other strength left at its estimate they begin 12 to 36 higher.
+    assert held == {(0,), (1,)} and max(begun) < 2.0
+    half = (fit.intervals[:, 1:] - fit.intervals[:, :1]) / 2.0
+    np.testing.assert_allclose((found.intervals - fit.intervals) / half, 0.0, atol=0.15)
+
+
 def test_profile_of_what_is_not_there_begins_at_nothing(problem):
     fit = fitted_with(problem, LAG, 0.0, 0.01, seed=5)
     by_profile = profiled(fit, white(fit.problem), 0.01)
@@ -82,6 +108,21 @@ def test_size_of_noise_is_that_of_readings_wherever_constants_are(problem):
     assert abs(found / noise**2 - 1.0) < 3.0 * error
     as_data = np.sum([fit.misfit for fit in fits]) / (len(fits) * (readings - factors))
     assert as_data / noise**2 < 1.0 and noise_size(fits[0]) == pytest.approx(np.sqrt(fits[0].variance), rel=1e-6)
+
+
+def test_an_end_that_these_data_do_not_tell_is_nowhere_and_that_is_said(problem):
+    """What is not felt at all: no strength is too large, and none is tried."""
+    cause = next(cause for cause in HMI_CAUSES if cause.name == DRIFT)
+
+    class Boundless(type(cause)):
+        least, largest = -np.inf, np.inf
+
+    hidden, _ = measured_with(problem, "", 0.0, noise=0.01, seed=5)
+    fit = fit_hmi(hidden, (Extension(Boundless(), 0.0),), white(hidden), size=0.01)
+    found = profiled(dataclasses.replace(fit, intervals=np.array([[-np.inf, np.inf]])), white(hidden), 0.01)
+    np.testing.assert_array_equal(found.intervals, [[-np.inf, np.inf]])
+    sides = [f"the {side} end of the interval of {DRIFT}" for side in ("lower", "upper")]
+    assert list(found.remarks) == [f"{side} is not told by these data." for side in sides]
 
 
 def bent(program, fit, depth=0.4, length=1.4):
@@ -193,7 +234,24 @@ def test_where_displacement_turns_the_interval_holds_both_temperatures(problem):
 
 def test_what_does_not_turn_back_has_no_twin(problem):
     fit = fitted_with(problem, DRIFT, 2.0, 0.005, seed=3)
-    assert twin_strength(profiled(fit, white(fit.problem), 0.005), white(fit.problem), 0.005) is None
+    fit = profiled(fit, white(fit.problem), 0.005)
+    assert twin_strength(fit, white(fit.problem), 0.005) is None
+    # Nor by a correction, which is right about the fit alone: by this one two plausible strengths more were better.
+    effect = problem.program.slopes(fit.unknowns, [problem.program.place(DRIFT)])[:, 0]
+    shifted = Correction(fit.unknowns, -2.0 * effect, np.zeros(0, dtype=int), np.zeros((len(effect), 0)))
+    shifted = dataclasses.replace(fit.problem, correction=shifted)
+    assert twin_strength(dataclasses.replace(fit, problem=shifted), white(fit.problem), 0.005) is None
+
+
+def test_a_twin_is_looked_for_as_far_again_as_the_fit_and_no_farther_than_there_are_strengths():
+    cause = next(cause for cause in HMI_CAUSES if cause.name == DRIFT)
+
+    class Bounded(type(cause)):
+        least, largest = -5.0 * cause.plausible, np.inf
+
+    for strength, upwards, downwards in ((1.0, 4.0, 4.0), (-6.0, 12.0, 5.0), (3.0, 6.0, 5.0)):
+        fit = bare(HmiFit, extensions=(Extension(Bounded(), 0.0),), strengths=np.array([strength * cause.plausible]))
+        assert (_farthest(fit, 1), _farthest(fit, -1)) == pytest.approx((upwards, downwards))
 
 
 def test_of_two_fits_the_better_one_counts_and_both_only_within_the_bound(problem):

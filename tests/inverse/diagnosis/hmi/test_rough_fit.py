@@ -55,6 +55,34 @@ def test_steps_to_where_there_is_nothing_are_taken_back():
     assert followed.lowest @ followed.lowest < first @ first
 
 
+def test_steps_that_are_taken_back_stay_within_bounds():
+    """A strength that is at least one, where there is nothing as far as the first step would take the constants."""
+    slopes, first = straight()
+    lower, asked = np.array([1.0, -np.inf, -np.inf]), []
+
+    def value(point):
+        asked.append(point)
+        return first + slopes @ point if np.all(np.abs(point[1:]) < 0.1) else np.full(len(first), np.nan)
+
+    followed = Followed(value, first, slopes)
+    followed.descend(lower, FREE[1])
+    assert len(asked) > 2 and all(point[0] >= 1.0 for point in asked)
+    assert followed.best is not None
+
+
+def test_after_a_step_the_derivative_is_one_with_which_it_comes_true():
+    """However long the step, and nothing changes across it."""
+    slopes = np.column_stack([np.exp(-TIMES), TIMES, np.ones(20)])
+    followed = Followed(bent, bent(np.zeros(3)), slopes)
+    points = [np.zeros(3), np.array([0.2, 0.1, 0.0]), np.array([0.25, 0.1, 0.3])]
+    for before, after in zip(points, points[1:], strict=False):
+        known, step = followed._known(before), after - before
+        change = followed.value(after) - bent(before)
+        np.testing.assert_allclose(followed._known(after) @ step, change, atol=1e-12)
+        across = np.cross(step, [0.3, -0.5, 0.8])
+        np.testing.assert_allclose(followed._known(after) @ across, known @ across, atol=1e-12)
+
+
 @pytest.mark.filterwarnings("error")
 def test_where_there_is_nothing_at_all_there_is_no_best_point():
     slopes, first = straight()

@@ -8,13 +8,7 @@ import pytest
 from inverse.diagnosis.hmi import diagnosis
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
-
-
-def bare(kind, **fields):
-    made = object.__new__(kind)
-    for name, value in fields.items():
-        object.__setattr__(made, name, value)
-    return made
+from tests.inverse.diagnosis.hmi.cases import bare
 
 
 class _Rows:
