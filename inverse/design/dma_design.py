@@ -12,7 +12,7 @@ from arfjax import FractionalZener, complex_modulus
 from inverse.datasets.dma import DmaData
 from inverse.design.design import Design, Rated, alive, checked, reasons
 from inverse.design.dma_information import dma_information
-from inverse.design.dma_proposals import DmaProposal, dma_proposals
+from inverse.design.dma_proposals import DmaProposal, clock_of, dma_proposals
 from inverse.design.separation import Separation, separation
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.choice import find_causes
@@ -126,8 +126,7 @@ def _with(data: DmaData, problem: DmaProblem, proposal: DmaProposal) -> DmaData:
 
 def _plain(data: DmaData) -> DmaData:
     """The data without deviations, rows counted where there is no time."""
-    time = np.arange(len(data), dtype=float) if data.time_s is None else np.asarray(data.time_s, dtype=float)
-    return _data(data, data.frequency_hz, data.temperature_c, time, data.sample, _modulus(data))
+    return _data(data, data.frequency_hz, data.temperature_c, clock_of(data), data.sample, _modulus(data))
 
 
 def _modulus(data: DmaData) -> Complex[np.ndarray, " n"]:
