@@ -25,6 +25,7 @@ from inverse.diagnosis.screening import Alternative, Screen
 from inverse.dma_fit import FRACTIONAL
 from inverse.figures.design import design_figure
 from tests.blind import dma_generator as blind
+from tests.inverse.design.small import left_by_reading
 from tests.inverse.diagnosis_keys import require_design_keys
 
 LIKE = ("sweep-drift", "bath-viscosity")
@@ -242,13 +243,7 @@ def test_a_reading_tells_what_the_other_cause_and_the_constants_cannot_imitate(f
     extensions = [Extension(known[name].cause, known[name].shape or 0.0) for name in STEADY]
     strengths, size = np.array([known[name].detectability for name in STEADY]), np.array([0.02, 0.03])
     told = dma_information.dma_information(problem, extensions, strengths, size)
-    moved = [one.directions[:, 0] for one in problem.directions(extensions)]
-    effects = [strength * one for strength, one in zip(strengths, moved, strict=True)]
-    expected = []
-    for true, rival in (effects, effects[::-1]):
-        basis = np.linalg.qr(np.column_stack([problem.fitted_directions(), rival]))[0]
-        left = (true - basis @ (basis.T @ true)) / problem.weights.ravel()
-        expected.append(0.5 * np.sum((left.reshape(-1, 2) / size) ** 2, axis=1))
+    expected = [0.5 * np.sum((left / size) ** 2, axis=1) for left in left_by_reading(problem, extensions, strengths)]
     omega = np.asarray(problem.conditions.angular_frequency)
     for end, frequency in ((0, omega.min()), (-1, omega.max())):
         rows = np.flatnonzero(omega == frequency)
