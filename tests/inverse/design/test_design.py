@@ -234,6 +234,8 @@ def test_why_these_causes_is_said_where_the_diagnosis_does_not_ask_for_them(foun
     assert f"leaves {first} alone" in reasons(at_rest(1), (), (first, second))[0]
     assert reasons(at_rest(2), (), (first, second)) == () == reasons(at_rest(0), (first, second), (first, second))
     assert f"Of {second} alone" in reasons(at_rest(2), (second,), (second, first))[0]
+    # Twice the same is one.
+    assert reasons(at_rest(2), (second, second), (second, first)) == reasons(at_rest(2), (second,), (second, first))
 
 
 @pytest.mark.slow
@@ -294,6 +296,11 @@ def test_causes_are_told_apart_as_strong_as_they_are_or_as_would_be_seen(found):
         ("sweep-drift", 0.0), ("frame-resonance", 1.75), ("slip", 0.0),
     ]  # fmt: skip
     np.testing.assert_array_equal(strengths, [-0.5, -0.3, 0.4])
+    # None is stronger than there is such an effect; one of either sign that was found to be 0 is taken for positive.
+    weak = tuple(dataclasses.replace(one, estimate=0.0, detectability=1.5) for one in causes)
+    np.testing.assert_array_equal(alive(dataclasses.replace(told, causes=weak), (), DMA_CAUSES)[1], [1.5, 1.5, 0.95])
+    weak = tuple(dataclasses.replace(one, estimate=-0.1) for one in weak)
+    np.testing.assert_array_equal(alive(dataclasses.replace(told, causes=weak), (), DMA_CAUSES)[1], [-0.95, -1.5, 0.95])
     # Of one alone, and of none, the likeliest others beside it.
     wanted, (strength, _) = alive(told, ("drying",), DMA_CAUSES)
     assert [one.cause.name for one in wanted] == ["drying", "sweep-drift"] and strength == 0.9

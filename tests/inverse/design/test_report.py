@@ -9,6 +9,7 @@ from scipy import stats
 from arfjax import StepwiseProtocol
 from inverse.design import report
 from inverse.design.design import Check, Design, Rated
+from inverse.design.dma_information import Information
 from inverse.design.dma_proposals import DmaProposal
 from inverse.design.hmi_proposals import hmi_proposals
 from inverse.design.separation import Separation
@@ -91,3 +92,16 @@ def test_a_figure_of_curves_has_no_information_and_no_odds_below_even():
     (axis,) = design_figure(found).axes
     assert [bar.get_width() for bar in axis.patches] == pytest.approx([0.0, np.log10(0.9994 / 6e-4), np.log10(2499.0)])
     assert [text.get_text().strip() for text in axis.texts] == ["50 %", "99.9 %", "> 99.9 %"]
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_a_figure_shows_three_decades_of_information_below_the_best_and_the_hottest_brightest(scale):
+    nat = scale * np.array([[0.1, 0.2, 0.1], [0.3, 0.5, 0.4], [0.2, 0.2, 0.2]])
+    temperature, frequency = np.array([20.0, 30.0, 40.0]), np.array([1.0, 10.0, 100.0])
+    known = Information(("slip", "drying"), temperature, frequency, nat, 30.0, 9.0, float(nat.max()))
+    _, axis = design_figure(design(0.5, 0.9, information=known)).axes
+    low, high = axis.get_ylim()
+    assert high == pytest.approx(2.0 * nat.max()) and low == pytest.approx(1e-3 * nat.max())
+    lines = {line.get_label(): line.get_color() for line in axis.lines}
+    brightness = [np.dot(lines[f"{one:.0f} degC"][:3], [0.3, 0.6, 0.1]) for one in temperature]
+    assert brightness == sorted(brightness) and len(set(brightness)) == 3
