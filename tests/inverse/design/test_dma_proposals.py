@@ -37,9 +37,10 @@ def test_the_same_sweeps_once_more_are_as_many_readings_where_an_instrument_stat
 
 
 def test_the_same_sweep_once_more_has_the_frequencies_of_that_sweep_in_its_order():
-    """From above in the first, half of them in the second; what was read twice is read once."""
+    """From above in the first, half of them in the second; what was read twice, but for what an
+    instrument rounds, is read once."""
     data = dma_data(
-        np.concatenate([FREQUENCY[::-1], FREQUENCY[:3], FREQUENCY[:1]]),
+        np.concatenate([FREQUENCY[::-1], FREQUENCY[:3], 1.0001 * FREQUENCY[:1]]),
         np.repeat([40.0, 20.0], [6, 4]),
         np.full(10, 1e4),
     )
@@ -72,7 +73,7 @@ def test_who_follows_the_words_measures_at_temperatures_of_their_own(step):
 
 
 def test_no_reading_is_shorter_than_a_period():
-    """Of 0.1 Hz ten seconds, where one of 100 Hz was taken every two."""
+    """At 0.05 Hz that is twenty seconds, where readings from 0.5 Hz on were taken every two."""
     clock = 2.0 * np.arange(12.0)
     found = proposed(sweeps(20.0, 40.0, frequency=np.geomspace(0.5, 100.0, 6), clock=clock))
     lower = found["lower-frequencies"]
@@ -109,3 +110,18 @@ def test_another_temperature_takes_the_pause_that_it_took():
     one = proposed(sweeps(20.0, clock=np.arange(6.0)))
     np.testing.assert_array_equal(one["again"].time, np.arange(6.0, 12.0))
     assert "between" not in one and len(one["reversed-temperatures"]) == 6
+
+
+def test_temperatures_come_again_in_the_order_in_which_they_came_first():
+    """Of one to which a measurement comes back at its end."""
+    found = proposed(sweeps(20.0, 40.0, 30.0, 20.0))
+    np.testing.assert_array_equal(found["again"].temperature, np.repeat([20.0, 40.0, 30.0], 6))
+    np.testing.assert_array_equal(found["reversed-temperatures"].temperature, np.repeat([30.0, 40.0, 20.0], 6))
+    np.testing.assert_array_equal(np.unique(found["between"].temperature), [25.0, 35.0])
+
+
+def test_the_first_sample_is_measured_again_and_each_seed_draws_orders_of_its_own():
+    data = sweeps(20.0, 40.0, 20.0, 40.0, sample=("a",) * 12 + ("b",) * 12)
+    assert {one.sample for one in dma_proposals(data)} == {"a"}
+    drawn = [proposed(data, seed=seed)["random-order"].frequency.tolist() for seed in (1, 1, 2)]
+    assert drawn[0] == drawn[1] != drawn[2]
