@@ -8,7 +8,7 @@ from scipy import optimize
 from arfjax import FractionalZener, complex_modulus
 from inverse.datasets.dma import dma_data
 
-SOLIDS = {20.0: (1e3, 5e3, 0.02, 0.6), 40.0: (4e3, 3e4, 0.01, 0.5)}
+SOLIDS = {20.0: (1e3, 5e3, 0.02, 0.6), 40.0: (4e3, 3e4, 0.01, 0.5), 60.0: (2e3, 9e3, 1e-3, 0.6)}
 FREQUENCY = np.geomspace(0.5, 200.0, 7)
 
 

@@ -126,3 +126,11 @@ def test_the_sample_that_is_measured_again_is_the_first_that_can_be_fitted(data,
     # The same once more: what does not look at the time is seen better by the root of two. (A bath is not seen by
     # magnitudes of a solid of one relaxation time, whose constants imitate it.)
     np.testing.assert_allclose(one.separation.d_prime[0], np.sqrt(2.0) * told.now.d_prime[0], rtol=1e-3)
+
+
+def test_where_it_was_measured_a_solid_has_the_constants_that_were_fitted():
+    """However fast it relaxes: here in a millisecond."""
+    fast = dma_problem(as_modelled(60.0), FRACTIONAL)
+    assert fast.constants[0, 2] < 2e-3
+    for temperature in (50.0, 60.0, 70.0):
+        np.testing.assert_allclose(dma_design._constants_at(fast, "", temperature), fast.constants[0], rtol=1e-12)
