@@ -20,7 +20,7 @@ def as_modelled(*temperatures):
         for one in temperatures for frequency in FREQUENCY
     ])  # fmt: skip
     data = dma_data(
-        np.tile(FREQUENCY, count), np.repeat(temperatures, 7), np.stack([modulus.real, modulus.imag], axis=-1)
+        np.tile(FREQUENCY, count), np.repeat(temperatures, 7), np.stack([np.real(modulus), np.imag(modulus)], axis=-1)
     )
     clock = 60.0 * np.arange(7.0 * count) + np.repeat(600.0 * np.arange(count), 7)
     return dataclasses.replace(data, time_s=clock)

@@ -6,6 +6,7 @@ import json
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from matplotlib.patches import Rectangle
 from scipy import stats
 
 from arfjax import InputError
@@ -323,7 +324,7 @@ def apart(angle, d_prime):
 
 def right(angle, d_prime):
     """Half the distance of both, in standard deviations."""
-    return stats.norm.cdf(d_prime * np.sin(0.5 * np.radians(angle)))
+    return float(stats.norm.cdf(d_prime * np.sin(0.5 * np.radians(angle))))
 
 
 def rated(*angles):
@@ -395,6 +396,7 @@ def test_what_a_design_says_in_words_is_what_it_found():
 def test_how_many_readings_make_it_twenty_to_one(nat, words):
     """Of which the logarithm is 3.0."""
     told = rated(40.0, 35.0)
+    assert told.information is not None
     information = dataclasses.replace(told.information, best=nat)
     text = report.report(dataclasses.replace(told, information=information), "data.csv")
     assert "A single reading would tell slip from drying best at 40 degC and 12.5 Hz" in text
@@ -405,15 +407,15 @@ def test_the_figure_has_the_odds_of_every_measurement_by_its_name():
     told = rated(80.0, 40.0)
     ratings, information = design_figure(told).axes
     names = [label.get_text() for label in ratings.get_yticklabels()]
-    odds = dict(zip(names, [bar.get_width() for bar in ratings.patches], strict=True))
+    odds = dict(zip(names, [bar.get_width() for bar in ratings.patches if isinstance(bar, Rectangle)], strict=True))
     chances = {"nothing more": right(30.0, 6.0), "again": right(80.0, 6.0), "other": right(40.0, 6.0)}
     assert odds == pytest.approx({name: np.log10(p / (1.0 - p)) for name, p in chances.items()})
     # The best on top, each with its chance beside it.
     assert names == ["nothing more", "other", "again"]
     assert [text.get_text().strip() for text in ratings.texts] == ["94 %", "98 %", "> 99.9 %"]
-    curves = {line.get_label(): line.get_xydata() for line in information.lines}
+    curves = {line.get_label(): np.asarray(line.get_xydata()) for line in information.lines}
     np.testing.assert_allclose(curves["40 degC"], [[1.0, 0.3], [10.0, 0.5], [100.0, 0.4]])
-    assert [12.5, 0.7] in [line.get_xydata()[0].tolist() for line in information.lines]
+    assert [12.5, 0.7] in [np.asarray(line.get_xydata())[0].tolist() for line in information.lines]
 
 
 def test_further_readings_come_at_the_pace_of_those_that_were_taken():

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from inverse.design import design_dma, dma_design
-from inverse.design.dma_proposals import dma_proposals
+from inverse.design.dma_proposals import DmaProposal, dma_proposals
 from inverse.diagnosis import DMA_CAUSES, Diagnosis
 from inverse.diagnosis.diagnosis import CauseReport
 from inverse.diagnosis.dma.problem import dma_problem
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
 from tests.inverse.design.small import as_modelled
 
-STRENGTHS = {"bath-viscosity": 2.0, "phase-delay": -1e-4, "slip": 0.2}
+STRENGTHS = {"bath-viscosity": 2.0, "slip": 0.2, "phase-delay": -1e-4}
 
 
 def of_cause(name):
@@ -83,8 +83,9 @@ def test_the_best_proposal_is_simulated_with_each_cause_as_strong_as_it_is(data,
     assert all(one["causes"] is library for one in asked)
     assert all(not one["gain"] and one["seed"] == 3 and one["model"] is FRACTIONAL for one in asked)
     clean = as_modelled(20.0, 40.0)
-    whole = {(f, t): complex(s, m) for f, t, s, m in zip(
-        clean.frequency_hz, clean.temperature_c, clean.storage_modulus, clean.loss_modulus, strict=True)}  # fmt: skip
+    assert clean.storage_modulus is not None and clean.loss_modulus is not None
+    modulus = clean.storage_modulus + 1j * clean.loss_modulus
+    whole = dict(zip(zip(clean.frequency_hz, clean.temperature_c, strict=True), modulus, strict=True))
     left = []
     for name, one in zip(names, simulated, strict=True):
         assert len(one) == 28 and np.ptp(one.time_s) > 1.9 * np.ptp(data.time_s)
@@ -105,6 +106,7 @@ def test_one_more_reading_is_sought_for_the_two_that_are_the_hardest_to_tell_apa
     told = design_dma(data, found=diagnosed(problem, 0.01), check=False)
     ((whole, extensions, strengths, size),) = seen
     names = [one.cause.name for one in extensions]
+    assert set(told.now.closest) == {0, 2}
     assert names == [told.now.names[place] for place in told.now.closest]
     assert strengths.tolist() == [STRENGTHS[name] for name in names] and size.tolist() == [0.01, 0.01]
     assert whole is problem and told.information is None
@@ -121,7 +123,8 @@ def test_the_sample_that_is_measured_again_is_the_first_that_can_be_fitted(data,
         both, found=found, model=CONVENTIONAL, causes=("slip", "bath-viscosity"), check=False, locate=False
     )
     (one,) = told.rated
-    assert one.proposal.sample == "b" and one.proposal.seconds is None and one.proposal.time[0] == 14.0
+    assert isinstance(one.proposal, DmaProposal) and one.proposal.sample == "b"
+    assert one.proposal.seconds is None and one.proposal.time[0] == 14.0
     assert told.sizes == (0.01,) and told.now.names == ("slip", "bath-viscosity")
     # The same once more: what does not look at the time is seen better by the root of two. (A bath is not seen by
     # magnitudes of a solid of one relaxation time, whose constants imitate it.)
