@@ -103,12 +103,13 @@ def test_the_best_proposal_is_simulated_with_each_cause_as_strong_as_it_is(data,
 def test_one_more_reading_is_sought_for_the_two_that_are_the_hardest_to_tell_apart(data, problem, monkeypatch):
     seen = []
     monkeypatch.setattr(dma_design, "dma_information", lambda *given: seen.append(given))
-    told = design_dma(data, found=diagnosed(problem, 0.01), check=False)
+    told = design_dma(data, found=diagnosed(problem, 0.3), check=False)
     ((whole, extensions, strengths, size),) = seen
     names = [one.cause.name for one in extensions]
-    assert set(told.now.closest) == {0, 2}
+    # In much noise, slip is the weakest.
+    assert told.now.closest[0] == 1
     assert names == [told.now.names[place] for place in told.now.closest]
-    assert strengths.tolist() == [STRENGTHS[name] for name in names] and size.tolist() == [0.01, 0.01]
+    assert strengths.tolist() == [STRENGTHS[name] for name in names] and size.tolist() == [0.3, 0.3]
     assert whole is problem and told.information is None
 
 
