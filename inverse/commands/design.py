@@ -13,7 +13,7 @@ from inverse.commands.diagnose import NullModel, require_fittable
 from inverse.datasets.dma import read_dma
 from inverse.datasets.hmi import read_hmi
 from inverse.design import design_dma, design_hmi
-from inverse.design.report import as_json, report
+from inverse.design.report import as_json, percent, report
 from inverse.diagnosed import MODELS
 from inverse.diagnosis.choice import LIBRARIES, find_causes, names_in
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
@@ -88,10 +88,8 @@ def design_command(
             },
             results={"best": found.rated[0].proposal.name, "probability_right": found.rated[0].separation.worst},
         )
-    rows = [
-        [one.proposal.words, str(len(one.proposal)), f"{100.0 * one.separation.worst:.0f} %"] for one in found.rated
-    ]
-    rows.insert(0, ["nothing more", "", f"{100.0 * found.now.worst:.0f} %"])
+    rows = [[one.proposal.words, str(len(one.proposal)), percent(one.separation.worst)] for one in found.rated]
+    rows.insert(0, ["nothing more", "", percent(found.now.worst)])
     show_lines(list(found.notes))
     show_table("to tell " + ", ".join(found.causes) + " apart", ("measurement", "readings", "right one"), rows)
     show_lines([f"written to {out}"])

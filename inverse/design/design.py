@@ -143,8 +143,9 @@ def alive(
     reports = [known[name] for name in names]
     by_name = {cause.name: cause for cause in library}
     extensions = [Extension(by_name[one.cause.name], 0.0 if one.shape is None else one.shape) for one in reports]
-    # What would be found is no smaller than what can be.
+    # What would be found is no smaller than what can be, and none that there cannot be.
     strengths = np.array([max(abs(one.estimate), one.detectability) * _sign(one) for one in reports])
+    strengths = np.clip(strengths, *np.array([one.cause.possible for one in reports]).T)
     return extensions, strengths
 
 

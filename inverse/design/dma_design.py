@@ -11,8 +11,9 @@ from jaxtyping import Complex, Float
 from arfjax import FractionalZener, complex_modulus
 from inverse.datasets.dma import DmaData
 from inverse.design.design import Design, Rated, alive, checked, reasons
+from inverse.design.dma_conditions import as_at_first
 from inverse.design.dma_information import dma_information
-from inverse.design.dma_proposals import DmaProposal, dma_proposals
+from inverse.design.dma_proposals import DmaProposal, clock_of, dma_proposals
 from inverse.design.separation import Separation, separation
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.choice import find_causes
@@ -69,8 +70,7 @@ def design_dma(
     rated: list[tuple[DmaProposal, Separation]] = []
     for proposal in dma_proposals(data, sample=problem.sweeps[0].sample, seed=seed):
         on_step(f"rating: {proposal.words}")
-        together = _with(data, problem, proposal)
-        further = dma_problem(together, model, whole_drying=problem.whole_drying)
+        further = _further(_with(data, problem, proposal), problem, seed)
         rated.append((proposal, _separation(further, extensions, strengths, size)))
     rated.sort(key=lambda one: -one[1].worst)
     checks = []
@@ -79,7 +79,7 @@ def design_dma(
         together = _with(data, problem, best)
         for number, (extension, strength) in enumerate(zip(extensions, strengths, strict=True)):
             on_step(f"simulating {best.name} with {extension.cause.name}")
-            further = dma_problem(together, model, seed=seed + 1 + number, whole_drying=problem.whole_drying)
+            further = _further(together, problem, seed + 1 + number)
             simulated = _simulated(together, further, extension, strength, size)
             again = diagnose_dma(simulated, model=model, causes=library, seed=seed, gain=False)
             checks.append(checked(extension.cause.name, again))
@@ -105,6 +105,12 @@ def _separation(problem: DmaProblem, extensions, strengths, size: Float[np.ndarr
     return separation(names, directions, strengths, problem.fitted_directions(), 1.0, signs)
 
 
+def _further(together: DmaData, problem: DmaProblem, seed: int) -> DmaProblem:
+    """Data and proposal as a problem in which strengths and shapes mean what they do in the data."""
+    further = dma_problem(together, problem.model, seed=seed, whole_drying=problem.whole_drying)
+    return as_at_first(further, problem)
+
+
 def _with(data: DmaData, problem: DmaProblem, proposal: DmaProposal) -> DmaData:
     """Data and proposal together, the proposal's readings as the fitted model has them."""
     modulus = np.array(
@@ -126,8 +132,7 @@ def _with(data: DmaData, problem: DmaProblem, proposal: DmaProposal) -> DmaData:
 
 def _plain(data: DmaData) -> DmaData:
     """The data without deviations, rows counted where there is no time."""
-    time = np.arange(len(data), dtype=float) if data.time_s is None else np.asarray(data.time_s, dtype=float)
-    return _data(data, data.frequency_hz, data.temperature_c, time, data.sample, _modulus(data))
+    return _data(data, data.frequency_hz, data.temperature_c, clock_of(data), data.sample, _modulus(data))
 
 
 def _modulus(data: DmaData) -> Complex[np.ndarray, " n"]:

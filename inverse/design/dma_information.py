@@ -1,12 +1,12 @@
 r"""Where one more reading of a sample would tell two causes apart best, found by gradients.
 
-Either cause may be the true one, as strong as the data have it. The other one and the constants of the solid are then
-fitted to what it does to the data that there are; $\Delta(f)$ is what that leaves at frequency $f$ and one of the
-temperatures measured (logarithm of the magnitude, and phase), all to first order. A reading there is expected to favour
-the true one by $\| \Delta(f) \|^2 / 2 \sigma^2$ nat, $\sigma$ the noise: the criterion of Atkinson & Fedorov (1975,
-Biometrika 62, 57-70) for telling two models apart, here the smaller of both. At the best temperature L-BFGS-B climbs
-along the gradient from the best of some frequencies. At a temperature that was not measured the solid has constants of
-its own, so that one reading there tells nothing.
+Either cause may be the true one, as strong as the data have it. The other one, of a sign that it may have, and the
+constants of the solid are then fitted to what it does to the data that there are; $\Delta(f)$ is what that leaves at
+frequency $f$ and one of the temperatures measured (logarithm of the magnitude, and phase), all to first order. A
+reading there is expected to favour the true one by $\| \Delta(f) \|^2 / 2 \sigma^2$ nat, $\sigma$ the noise: the
+criterion of Atkinson & Fedorov (1975, Biometrika 62, 57-70) for telling two models apart, here the smaller of both. At
+the best temperature L-BFGS-B climbs along the gradient from the best of some frequencies. At a temperature that was not
+measured the solid has constants of its own, so that one reading there tells nothing.
 """
 
 import dataclasses
@@ -66,7 +66,7 @@ def dma_information(
     fitted, constants = problem.fitted_directions(), jnp.asarray(problem.constants)
     moved = [one.directions[:, 0] for one in problem.directions(extensions)]
     imitated = [
-        jnp.asarray(_coefficients(np.column_stack([fitted, moved[1 - true]]), strengths[true] * moved[true]))
+        jnp.asarray(_imitation(fitted, moved[1 - true], extensions[1 - true].cause.sign, strengths[true] * moved[true]))
         for true in (0, 1)
     ]
 
@@ -101,6 +101,14 @@ def dma_information(
         best_frequency=float(np.exp(top.solutions[0, 0]) / (2.0 * np.pi)),
         best=-float(top.costs[0]) * largest,
     )
+
+
+def _imitation(
+    fitted: Float[np.ndarray, "n p"], rival: Float[np.ndarray, " n"], sign: int, target: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " p_and_1"]:
+    """Of what is fitted, and of a rival of one sign (0 for either), that come closest to the target."""
+    found = _coefficients(np.column_stack([fitted, rival]), target)
+    return np.append(_coefficients(fitted, target), 0.0) if sign * found[-1] < 0.0 else found
 
 
 def _coefficients(directions: Float[np.ndarray, "n p"], target: Float[np.ndarray, " n"]) -> Float[np.ndarray, " p"]:

@@ -79,7 +79,7 @@ def hmi_proposals(
     found = [one("again", f"one more sonication to {hottest:.0f} degC")]
     for pace, factor in (("slower", 2.0), ("faster", 0.5)):
         if SONICATIONS_S[0] <= factor * usual <= SONICATIONS_S[1]:
-            words = f"a sonication to {hottest:.0f} degC in {factor * usual:.0f} s instead of {usual:.0f}"
+            words = f"a sonication to {hottest:.0f} degC in {factor * usual:.4g} s instead of {usual:.4g}"
             found.append(one(pace, words, duration=factor * usual))
     found += [
         *_other_pushes(one, protocol),
@@ -104,16 +104,16 @@ def hmi_proposals(
 def _other_pushes(one: Callable[..., HmiProposal], protocol: StepwiseProtocol) -> list[HmiProposal]:
     """With pushes of another length, and of another course if that is constant: those have the usual one's impulse."""
     constant, push = protocol.modulation is None, protocol.push_duration
-    pushes, usual = "pushes of" if constant else "pushes whose course takes", f"{1e3 * push:.2g}"
-    words = f"{pushes} {0.5e3 * push:.2g} ms instead of {usual}"
+    pushes, usual = "pushes of" if constant else "pushes whose course takes", f"{1e3 * push:.4g}"
+    words = f"{pushes} {0.5e3 * push:.4g} ms instead of {usual}"
     found = [one("shorter-push", words, push_duration=0.5 * push)] if 0.5e3 * push >= PUSHES_MS[0] else []
     if 2e3 * push > PUSHES_MS[1]:
         return found
-    twice = f"{pushes} {2e3 * push:.2g} ms"
+    twice = f"{pushes} {2e3 * push:.4g} ms"
     found.append(one("longer-push", f"{twice} instead of {usual}", push_duration=2.0 * push))
     if constant:
         words = f"{twice} whose force rises and falls as one period of a sine, instead of {usual} ms of constant force"
         found.append(one("modulated-push", words, push_duration=2.0 * push, modulation=SineIntensity()))
-        words = f"displacement read {0.5e3 * push:.2g} ms after the end of the push instead of at it"
+        words = f"displacement read {0.5e3 * push:.4g} ms after the end of the push instead of at it"
         found.append(one("later-reading", words, push_duration=2.0 * push, modulation=Square()))
     return found

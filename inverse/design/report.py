@@ -82,14 +82,14 @@ def in_words(design: Design) -> list[str]:
     now = (
         f"What {listed} do to these data, fitted constants taken off, is as little as {short['angle_deg']:.0f} degrees "
         f"apart: each as strong as estimated, or as would surely be seen, the right one of two would look likelier in "
-        f"{_percent(short['probability_right'])} of cases at least if noise were white, which does not prove it."
+        f"{percent(short['probability_right'])} of cases at least if noise were white, which does not prove it."
     )
     best = short["measurement"]
     if best["probability_right"] <= short["probability_right"]:
         return [f"{now} None of {len(design.rated)} measurements that could be made next separates them better."]
     return [
         f"{now} Of {len(design.rated)} measurements that could be made next, {best['words']} separates them best: "
-        f"{best['angle_deg']:.0f} degrees, {_percent(best['probability_right'])}. `arfjax design` lists them all, "
+        f"{best['angle_deg']:.0f} degrees, {percent(best['probability_right'])}. `arfjax design` lists them all, "
         "simulates the best, and diagnoses it again."
     ]
 
@@ -130,7 +130,8 @@ def _information(found: Information | None) -> list[str]:
     ]
 
 
-def _percent(probability: float) -> str:
+def percent(probability: float) -> str:
+    """In words, in which nothing is certain."""
     return "more than 99 %" if probability > 0.995 else f"{100.0 * probability:.0f} %"
 
 
@@ -159,8 +160,8 @@ def report(design: Design, name: str, figures: Sequence[str] = ()) -> str:
         f"# What to measure next after {name}",
         "",
         f"To be told apart: {listed}. With what there is, the right one of two looks likelier in "
-        f"{100.0 * design.now.worst:.0f} % of cases at least; with {best.proposal.words}, in "
-        f"{100.0 * best.separation.worst:.0f} %.",
+        f"{percent(design.now.worst)} of cases at least; with {best.proposal.words}, in "
+        f"{percent(best.separation.worst)}.",
         "",
         f"| measurement | readings | least probability of the right one | {' | '.join(design.now.names)} |",
         f"| --- | ---: | ---: |{' ---: |' * len(design.now.names)}",
@@ -168,8 +169,8 @@ def report(design: Design, name: str, figures: Sequence[str] = ()) -> str:
         *(_row(one.proposal.words, str(len(one.proposal)), one.separation) for one in design.rated),
         "",
         f"Under each cause: its d', with noise of {_noise(design)} as in these data. Strengths are those "
-        "estimated, but none below what the data that there are would show. One that counts over a whole "
-        "measurement, as that of drying does, counts over the longer one.",
+        "estimated, but none below what the data that there are would show. One that counts in what was "
+        "measured, as that of drying does, counts in these data, not in the longer measurement.",
         "",
     ]
     lines += _keys(best.proposal.keys)
@@ -200,4 +201,4 @@ def _keys(keys: dict[str, float | str]) -> list[str]:
 
 def _row(words: str, readings: str, found: Separation) -> str:
     values = " | ".join(f"{value:.1f}" for value in found.d_prime)
-    return f"| {words} | {readings} | {100.0 * found.worst:.0f} % | {values} |"
+    return f"| {words} | {readings} | {percent(found.worst)} | {values} |"

@@ -1,0 +1,127 @@
+"""What could be measured next: same instrument, same sample, at the frequencies, in the order and at the pace known."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from inverse.datasets.dma import dma_data
+from inverse.datasets.dma_checks import SWEEP_GAP
+from inverse.design.dma_proposals import dma_proposals
+
+FREQUENCY = np.geomspace(1.0, 100.0, 6)
+
+
+def sweeps(*temperatures, frequency=FREQUENCY, clock=None, sample=()):
+    """One at each temperature, in the order given."""
+    count = len(temperatures)
+    data = dma_data(
+        np.tile(frequency, count), np.repeat(temperatures, len(frequency)), np.full(count * len(frequency), 1e4)
+    )
+    return dataclasses.replace(data, time_s=clock, sample=sample)
+
+
+def proposed(data, **asked):
+    return {one.name: one for one in dma_proposals(data, **asked)}
+
+
+def test_the_same_sweeps_once_more_are_as_many_readings_where_an_instrument_states_what_it_ran_at():
+    """A few in a million off from sweep to sweep: no other frequencies."""
+    stated = np.tile(FREQUENCY, 3) * (1.0 + 1e-6 * np.arange(18.0))
+    data = dataclasses.replace(sweeps(20.0, 30.0, 40.0), frequency_hz=stated)
+    found = proposed(data)
+    for name in ("again", "random-order", "reversed-temperatures"):
+        assert len(found[name]) == 18
+    assert len(found["between"]) == 12
+    np.testing.assert_array_equal(found["again"].frequency, stated)
+
+
+def test_the_same_sweep_once_more_has_the_frequencies_of_that_sweep_in_its_order():
+    """From above in the first, half of them in the second; what was read twice, but for what an
+    instrument rounds, is read once."""
+    data = dma_data(
+        np.concatenate([FREQUENCY[::-1], FREQUENCY[:3], 1.0001 * FREQUENCY[:1]]),
+        np.repeat([40.0, 20.0], [6, 4]),
+        np.full(10, 1e4),
+    )
+    found = proposed(data)
+    np.testing.assert_array_equal(found["again"].frequency, [*FREQUENCY[::-1], *FREQUENCY[:3]])
+    np.testing.assert_array_equal(found["again"].temperature, np.repeat([40.0, 20.0], [6, 3]))
+    np.testing.assert_array_equal(found["reversed-temperatures"].frequency, [*FREQUENCY[:3], *FREQUENCY[::-1]])
+    # Between two it is as full as the fuller one.
+    np.testing.assert_array_equal(np.sort(found["between"].frequency), FREQUENCY)
+
+
+def test_a_sweep_whose_temperature_wanders_is_one():
+    """By less than a kelvin from one reading to the next, by more in all: sweeps are those that are fitted."""
+    data = dataclasses.replace(
+        sweeps(20.0, 40.0), temperature_c=np.concatenate([19.2 + 0.3 * np.arange(6.0), np.full(6, 40.0)])
+    )
+    again = proposed(data)["again"]
+    assert len(again) == 12
+    np.testing.assert_allclose(np.unique(again.temperature), [19.95, 40.0])
+
+
+@pytest.mark.parametrize("step", [2.5, 3.5, 5.0, 7.3])
+def test_who_follows_the_words_measures_at_temperatures_of_their_own(step):
+    """Rounded to whole degrees, 23.75 degC would be a part of the sweep at 25."""
+    data = sweeps(*(20.0 + step * np.arange(3.0)))
+    found = proposed(data)["between"]
+    said = [float(word) for word in found.words.removeprefix("sweeps at ").split(" degC")[0].split(", ")]
+    np.testing.assert_allclose(said, np.unique(found.temperature), atol=0.01)
+    assert np.min(np.abs(np.subtract.outer(said, data.temperature_c))) > SWEEP_GAP
+
+
+def test_no_reading_is_shorter_than_a_period():
+    """At 0.05 Hz that is twenty seconds, where readings from 0.5 Hz on were taken every two."""
+    clock = 2.0 * np.arange(12.0)
+    found = proposed(sweeps(20.0, 40.0, frequency=np.geomspace(0.5, 100.0, 6), clock=clock))
+    lower = found["lower-frequencies"]
+    assert lower.frequency[0] == pytest.approx(0.05)
+    steps = np.diff(lower.time)
+    np.testing.assert_allclose(steps[:6], 1.0 / lower.frequency[1:7])
+    # Two seconds are enough from 0.5 Hz on.
+    np.testing.assert_allclose(np.diff(found["again"].time), 2.0)
+    assert lower.seconds == pytest.approx(np.sum(1.0 / lower.frequency) - 20.0)
+    # Where the data give no time, readings are counted.
+    counted = proposed(sweeps(20.0, 40.0, frequency=np.geomspace(0.5, 100.0, 6)))["lower-frequencies"]
+    np.testing.assert_array_equal(np.diff(counted.time), 1.0)
+
+
+@pytest.mark.parametrize("sample", ["a", "b"])
+@pytest.mark.parametrize("by_turns", [False, True])
+def test_without_times_a_sample_is_measured_again_after_its_own_last_reading(sample, by_turns):
+    """Rows are counted through each sample, whichever comes first in the file and however rows take turns."""
+    data = sweeps(20.0, 40.0, 20.0, 40.0, sample=("a",) * 12 + ("b",) * 12)
+    if by_turns:
+        data = data.select(np.arange(24).reshape(2, 12).T.ravel())
+    for one in dma_proposals(data, sample=sample):
+        assert one.sample == sample and one.seconds is None
+        assert one.time[0] == 12.0
+        np.testing.assert_array_equal(np.diff(one.time), 1.0)
+
+
+def test_another_temperature_takes_the_pause_that_it_took():
+    """Half a minute more, before the first reading of each."""
+    clock = np.arange(12.0) + np.repeat([0.0, 30.0], 6)
+    again = proposed(sweeps(20.0, 40.0, clock=clock))["again"]
+    np.testing.assert_array_equal(np.diff(again.time), np.diff(clock))
+    assert again.time[0] == clock[-1] + 31.0
+    one = proposed(sweeps(20.0, clock=np.arange(6.0)))
+    np.testing.assert_array_equal(one["again"].time, np.arange(6.0, 12.0))
+    assert "between" not in one and len(one["reversed-temperatures"]) == 6
+
+
+def test_temperatures_come_again_in_the_order_in_which_they_came_first():
+    """Of one to which a measurement comes back at its end."""
+    found = proposed(sweeps(20.0, 40.0, 30.0, 20.0))
+    np.testing.assert_array_equal(found["again"].temperature, np.repeat([20.0, 40.0, 30.0], 6))
+    np.testing.assert_array_equal(found["reversed-temperatures"].temperature, np.repeat([30.0, 40.0, 20.0], 6))
+    np.testing.assert_array_equal(np.unique(found["between"].temperature), [25.0, 35.0])
+
+
+def test_the_first_sample_is_measured_again_and_each_seed_draws_orders_of_its_own():
+    data = sweeps(20.0, 40.0, 20.0, 40.0, sample=("a",) * 12 + ("b",) * 12)
+    assert {one.sample for one in dma_proposals(data)} == {"a"}
+    drawn = [proposed(data, seed=seed)["random-order"].frequency.tolist() for seed in (1, 1, 2)]
+    assert drawn[0] == drawn[1] != drawn[2]
