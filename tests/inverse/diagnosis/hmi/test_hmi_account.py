@@ -60,6 +60,12 @@ def test_what_no_cause_mends_and_what_noise_hides_are_said_so():
     assert hidden == "Not to be told from scatter, up to 15 % of a reading: the dip of 3, the peak of 3."
 
 
+def test_of_a_curve_that_rises_to_its_end_one_reading_is_told_once():
+    measured, simulated = curve([100.0, 96.0, 97.0, 100.0, 120.0]), curve([100.0, 96.0, 97.0, 99.0, 100.0])
+    told = mismatches([measured], [simulated], {}, size=0.01)
+    assert told[0].startswith("Sonication 3, peak: 120 at 84 degC measured, 100 simulated") and len(told) == 2
+
+
 @pytest.mark.parametrize(("measured", "simulated", "is_told"), [(30.0, 25.0, True), (300.0, 307.0, False)])
 def test_scatter_is_that_of_the_reading(measured, simulated, is_told):
     """Of 2 %: 5 points of 30 are six standard deviations, 7 of 300 less than one."""
