@@ -42,8 +42,6 @@ _KEPT = ("verdict", "omnibus", "named", "confusable", "gain", "unexplained", "se
 
 def diagnosed(which: str, seed: int) -> dict[str, Any]:
     """What is said of the polymer or of the paper's curves."""
-    # Programs compiled for each are kept, and the sixth finds no more memory that may hold code.
-    jax.clear_caches()
     if which == "polymer":
         return _said(inverse.diagnose(shipped("pyvisco_polymer"), model="zener", seed=seed), which)
     return _said(inverse.diagnose(hmi=shipped("suomi2016_hmi"), experiment=PUBLISHED, seed=seed), which)
