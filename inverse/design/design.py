@@ -13,6 +13,7 @@ from inverse.design.separation import Separation
 from inverse.diagnosis.cause import AnyCause, Extension
 from inverse.diagnosis.choice import find_causes
 from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
+from inverse.diagnosis.examination import require_seen
 
 
 @runtime_checkable
@@ -132,9 +133,7 @@ def alive(
         )
     known = {one.cause.name: one for one in found.causes}
     wanted = [cause.name for cause in find_causes(wanted, library)]
-    for name in wanted:
-        if name not in known:
-            raise InputError(f"causes: these data cannot see '{name}'; they see {', '.join(known) or 'none'}.")
+    require_seen(wanted, list(known), found.not_testable)
     names = list(wanted) or _in_question(found)
     if len(names) < 2:
         names = list(dict.fromkeys([*names, *known]))[:2]

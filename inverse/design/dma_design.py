@@ -54,12 +54,14 @@ def design_dma(
     Raises:
         InputError: if there are no two causes to tell apart, or the fit itself failed.
     """
-    find_causes(causes, library)
+    wanted = [cause.name for cause in find_causes(causes, library)]
     data = data.without_copies()
     remarks: tuple[str, ...] = ()
     if found is None:
         on_step("diagnosing")
-        diagnosis = functools.partial(diagnose_dma, model=model, causes=library, seed=seed, gain=False, on_step=on_step)
+        diagnosis = functools.partial(
+            diagnose_dma, model=model, causes=library, seed=seed, gain=False, asked=wanted, on_step=on_step
+        )
         data, found, remarks = diagnosed_as_measured(data, diagnosis, seed)
     extensions, strengths = alive(found, causes, library)
     assert found.noise is not None

@@ -121,14 +121,15 @@ def design_hmi(
     Raises:
         InputError: if there are no two causes to tell apart, or the fit itself failed.
     """
-    find_causes(causes, library)
+    wanted = [cause.name for cause in find_causes(causes, library)]
     settings = inference_settings(described, name)
     if prepared is None:
         prepared = prepare_hmi(described, settings, data, seed=seed, effort=effort, on_step=on_step)
     if found is None:
         found = diagnose_hmi(
-            data, described, name=name, causes=library, seed=seed, gain=False, prepared=prepared, on_step=on_step
-        )
+            data, described, name=name, causes=library, seed=seed, gain=False, asked=wanted, prepared=prepared,
+            on_step=on_step,
+        )  # fmt: skip
     fitted = _fitted(found, prepared, settings.reference_temperature_c, causes, library)
     now = _separation(fitted, None, None)
     rows = fitted.problem.rows

@@ -7,6 +7,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
+from arfjax import InputError
 from inverse.diagnosis.cause import Cause, Extension
 from inverse.diagnosis.decision import Decision
 from inverse.diagnosis.free_forms import Place
@@ -181,6 +182,24 @@ def visible_alternatives(
             why = _too_weak(cause, shapes[nearest].sign, detectable[nearest])
         hidden.append(NotTestable(cause.name, why, cause.helps))
     return seen, tuple(hidden)
+
+
+def require_seen(asked: Sequence[str], seen: Sequence[str], not_testable: Sequence[NotTestable]) -> None:
+    """Refuse causes that the data cannot see, and say why they cannot.
+
+    Args:
+        asked: Names of causes.
+        seen: Names of those that the data can see.
+        not_testable: The others of the library.
+
+    Raises:
+        InputError: for the first that they cannot.
+    """
+    reasons = {one.name: f": {one.why}" for one in not_testable}
+    for name in asked:
+        if name not in seen:
+            can = ", ".join(dict.fromkeys(seen)) or "none"
+            raise InputError(f"causes: these data cannot see '{name}'{reasons.get(name, '')}; they see {can}.")
 
 
 def _too_weak(cause: Cause, sign: int, detectable: float) -> str:

@@ -33,6 +33,7 @@ def diagnose_dma(
     seed: int = 0,
     replicates: int | None = None,
     gain: bool = True,
+    asked: Sequence[str] = (),
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Say what is wrong with the model of a dynamic mechanical analysis, and what mending it is worth.
@@ -45,10 +46,12 @@ def diagnose_dma(
         seed: Of starts and replicates.
         replicates: Data sets of noise alone that error rates are calibrated on: if not said 400, more at lower levels.
         gain: Whether to measure the held-out gain.
+        asked: Names of causes that the data have to see: if they do not, that is said before the longest part.
         on_step: Told what is being done.
 
     Raises:
-        InputError: if there are too few data, no causes, or `level` or `replicates` is out of range.
+        InputError: if there are too few data, no causes, one that was asked for cannot be seen, or `level` or
+            `replicates` is out of range.
         ValueError: if JAX runs in single precision.
     """
     replicates = require_level(level, replicates)
@@ -62,7 +65,7 @@ def diagnose_dma(
         )
     on_step("testing all causes")
     rng = np.random.default_rng(seed)
-    examined = examine_dma(problem, causes, rng, level=level, replicates=replicates)
+    examined = examine_dma(problem, causes, rng, level=level, replicates=replicates, asked=asked)
 
     problem = examined.problem
 

@@ -13,7 +13,14 @@ from inverse.diagnosis.dma.extended_fit import ExtendedFit, fit_extended
 from inverse.diagnosis.dma.free_forms import dma_free_forms
 from inverse.diagnosis.dma.problem import DmaProblem
 from inverse.diagnosis.dma.weighing import Weighing, weighed_by_noise
-from inverse.diagnosis.examination import Examined, extension_of, in_white_noise, linear_strengths, visible_alternatives
+from inverse.diagnosis.examination import (
+    Examined,
+    extension_of,
+    in_white_noise,
+    linear_strengths,
+    require_seen,
+    visible_alternatives,
+)
 from inverse.diagnosis.free_forms import COARSE, Place
 from inverse.diagnosis.noise import Noise, noise_family
 from inverse.diagnosis.screening import Alternative, Screen
@@ -47,6 +54,7 @@ def examine_dma(
     *,
     level: float = 0.05,
     replicates: int | None = None,
+    asked: Sequence[str] = (),
     program: Sequence[DmaCause] = (),
 ) -> ExaminedDma:
     """Test every cause and every free form on a fitted data set.
@@ -57,7 +65,11 @@ def examine_dma(
         rng: For replicates.
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that error rates are calibrated on: if not said, see `replicates_at`.
+        asked: Names of causes that the data have to see.
         program: Causes that the compiled refits hold beside the library, so that other libraries need no others.
+
+    Raises:
+        InputError: if they cannot see one that was asked for.
     """
     program = (*program, *(cause for cause in causes if cause.name not in {one.name for one in program}))
     family = noise_family(problem.orderings(), problem.frequencies(), unit="Hz")
@@ -65,6 +77,7 @@ def examine_dma(
     size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
     free_forms, places = _free_forms(problem, residuals)
     seen, not_testable = visible_alternatives(problem.directions(every_shape(causes), constants), fitted, size, causes)
+    require_seen(asked, [one.name for one in seen], not_testable)
 
     def fit(extensions: Sequence[Extension], noise: Noise, start, profile: bool) -> ExtendedFit:
         return fit_extended(problem, extensions, noise, start, library=program, profile=profile)

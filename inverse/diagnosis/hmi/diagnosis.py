@@ -59,6 +59,7 @@ def diagnose_hmi(
     seed: int = 0,
     replicates: int | None = None,
     gain: bool = True,
+    asked: Sequence[str] = (),
     effort: Effort = LEARNT,
     discretisation: Discretisation | None = None,
     prepared: PreparedHmi | None = None,
@@ -76,6 +77,7 @@ def diagnose_hmi(
         seed: Of starts, draws and replicates.
         replicates: Data sets of noise alone that error rates are calibrated on: if not said 1600, more at lower levels.
         gain: Whether to measure the held-out gain.
+        asked: Names of causes that the data have to see: if they do not, that is said before the longest part.
         effort: How much goes into the fast simulation.
         discretisation: Of the full simulation that the fast one learns from; see `prepare_hmi` if not given.
         prepared: The fast simulation, where there is one of these sonications already.
@@ -83,8 +85,8 @@ def diagnose_hmi(
         on_step: Told what is being done.
 
     Raises:
-        InputError: if data and experiment do not go together, there are too few data or no causes, or `level` or
-            `replicates` is out of range.
+        InputError: if data and experiment do not go together, there are too few data or no causes, one that was asked
+            for cannot be seen, or `level` or `replicates` is out of range.
         ValueError: if JAX runs in single precision.
     """
     replicates = require_level(level, replicates, few=True)
@@ -97,7 +99,7 @@ def diagnose_hmi(
         )
     problem = hmi_problem_of(prepared, data, described, settings, causes, program=program)
     return diagnose_curves(
-        problem, causes=causes, level=level, seed=seed, replicates=replicates, gain=gain, on_step=on_step
+        problem, causes=causes, level=level, seed=seed, replicates=replicates, gain=gain, asked=asked, on_step=on_step
     )
 
 
@@ -110,6 +112,7 @@ def diagnose_curves(
     seed: int = 0,
     replicates: int | None = None,
     gain: bool = True,
+    asked: Sequence[str] = (),
     on_step: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """The same for data that have their simulation already.
@@ -122,10 +125,12 @@ def diagnose_curves(
         seed: Of starts, draws and replicates.
         replicates: Data sets of noise alone that error rates are calibrated on: if not said 1600, more at lower levels.
         gain: Whether to measure the held-out gain.
+        asked: Names of causes that the data have to see.
         on_step: Told what is being done.
 
     Raises:
-        InputError: if there are no causes, or `level` or `replicates` is out of range.
+        InputError: if there are no causes, one that was asked for cannot be seen, or `level` or `replicates` is out of
+            range.
     """
     replicates = require_level(level, replicates, few=True)
     require_causes(causes)
@@ -138,7 +143,9 @@ def diagnose_curves(
         return failed(account, problem, null.of_readings, [remark, *audit], level=level, seed=seed)
     on_step("testing all causes")
     rng = np.random.default_rng(seed)
-    examined = examine_hmi(causes, null, rng, size=size, corrected=corrected, level=level, replicates=replicates)
+    examined = examine_hmi(
+        causes, null, rng, size=size, corrected=corrected, level=level, replicates=replicates, asked=asked
+    )
     assert isinstance(examined.fit, Refits)
     # In the kind of noise that the tests go by, as refits with causes are.
     account = HmiAccount(examined.fit.null.problem, examined.fit.null, seed)

@@ -13,6 +13,7 @@ from inverse.diagnosis.examination import (
     extension_of,
     in_white_noise,
     linear_strengths,
+    require_seen,
     visible_alternatives,
 )
 from inverse.diagnosis.hmi.cause import HmiCause
@@ -36,6 +37,7 @@ def examine_hmi(
     corrected: bool = True,
     level: float = 0.05,
     replicates: int | None = None,
+    asked: Sequence[str] = (),
 ) -> Examined:
     """Test every cause and every free form on fitted curves.
 
@@ -47,6 +49,10 @@ def examine_hmi(
         corrected: Whether the fast simulation is corrected to the full one where each refit comes out.
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that error rates are calibrated on: if not said, see `replicates_at`.
+        asked: Names of causes that the data have to see.
+
+    Raises:
+        InputError: if they cannot see one that was asked for.
     """
     problem = null.problem
     family = problem.noise_family()
@@ -56,6 +62,7 @@ def examine_hmi(
     names = {cause.name for cause in causes}
     found = [one for one in problem.alternatives(null.unknowns, fitted, spread) if one.name in names]
     seen, not_testable = visible_alternatives(found, fitted, spread, causes)
+    require_seen(asked, [one.name for one in seen], not_testable)
     forms, places = hmi_free_forms(problem.rows, problem.rows.log_displacement - null.of_readings / problem.weights)
     believed = len(residuals) - len(problem.rows)
     forms = [

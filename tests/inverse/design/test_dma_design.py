@@ -6,10 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from arfjax import InputError
 from inverse.design import design_dma, dma_design
 from inverse.design.dma_proposals import DmaProposal, dma_proposals
 from inverse.diagnosis import DMA_CAUSES, Diagnosis
 from inverse.diagnosis.diagnosis import CauseReport
+from inverse.diagnosis.dma import examination
 from inverse.diagnosis.dma.problem import dma_problem
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
 from tests.inverse.design.small import as_modelled
@@ -130,6 +132,19 @@ def test_the_sample_that_is_measured_again_is_the_first_that_can_be_fitted(data,
     # The same once more: what does not look at the time is seen better by the root of two. (A bath is not seen by
     # magnitudes of a solid of one relaxation time, whose constants imitate it.)
     np.testing.assert_allclose(one.separation.d_prime[0], np.sqrt(2.0) * told.now.d_prime[0], rtol=1e-3)
+
+
+def test_a_cause_that_the_data_cannot_see_is_refused_before_anything_is_refitted(data, monkeypatch):
+    """That takes seconds; the decision with its refits takes minutes of a large measurement."""
+
+    def decided(*_, **__):
+        raise AssertionError("went on to the decision")
+
+    monkeypatch.setattr(examination, "decide", decided)
+    with pytest.raises(InputError, match=r"cannot see 'clamp-compliance': the fitted constants imitate .*; they see"):
+        design_dma(data, causes=("slip", "clamp-compliance"))
+    with pytest.raises(AssertionError, match="went on"):
+        design_dma(data, causes=("slip", "phase-delay"))
 
 
 def test_where_it_was_measured_a_solid_has_the_constants_that_were_fitted():

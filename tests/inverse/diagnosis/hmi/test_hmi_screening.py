@@ -72,6 +72,12 @@ def test_few_readings_are_judged_against_noise_of_all_kinds(problem, monkeypatch
     with pytest.raises(InterruptedError):
         examination.examine_hmi(HMI_CAUSES, null, np.random.default_rng(1), size=0.01)
     assert asked == [True]
+    # What somebody asked for and these curves do not show is said before the way to it, which takes longest.
+    with pytest.raises(
+        InputError, match=r"cannot see 'boiling': it has no effect on these data; they see .*output-drift"
+    ):
+        examination.examine_hmi(HMI_CAUSES, null, np.random.default_rng(1), size=0.01, asked=(DRIFT, "boiling"))
+    assert asked == [True]
 
 
 def test_what_the_fit_leaves_of_an_effect_turns_little_from_shape_to_shape(problem):

@@ -209,3 +209,16 @@ def test_the_best_sonication_comes_first_and_what_cannot_be_rated_is_said(descri
     assert all(len(one.proposal) == 13 for one in told.rated)
     monkeypatch.setattr(hmi_design, "_rating", lambda *_: None)
     assert design_hmi(curve, described, **asked).notes == (hmi_design.NOT_RATED,)
+
+
+def test_the_diagnosis_behind_a_design_refuses_what_the_curves_cannot_show(described, prepared, monkeypatch):
+    given = []
+
+    def diagnosed(*_, **options):
+        given.append(options)
+        raise InterruptedError
+
+    monkeypatch.setattr(hmi_design, "diagnose_hmi", diagnosed)
+    with pytest.raises(InterruptedError):
+        design_hmi(curves(np.full(len(TEMPERATURES), 100.0)), described, prepared=prepared, causes=(LAG, LAG, DRIFT))
+    assert given[0]["asked"] == [LAG, DRIFT] and given[0]["gain"] is False
