@@ -17,8 +17,8 @@ class Drying(DmaCause):
     sentence = "The sample dries and stiffens, the faster the warmer it is, from sweep to sweep."
     helps = "Frequencies in random order, the first temperature repeated at the end, or the sample weighed."
     source = (
-        "Evaporation in proportion to the pressure of saturated vapour (Magnus formula, as in arfjax); scale assumed:"
-        " a third over all"
+        "Gao & Gu (2014), J. Biomech. 47, 3196: moduli rise as the water's share falls; evaporation in proportion to "
+        "the pressure of saturated vapour (Magnus formula, as in arfjax); scale assumed: a third over all"
     )
 
     def measured(

@@ -17,7 +17,10 @@ class SweepDrift(DmaCause):
     least = -0.95
     sentence = "The reading drifts in the course of each sweep, by the same part in all of them."
     helps = "Frequencies in random order, or the first frequency repeated at the end of each sweep."
-    source = "scale assumed: a tenth in a sweep"
+    source = (
+        "Mours & Winter (1994), doi 10.1007/bf00366581: each reading of a sweep is of another state of a sample that "
+        "changes; scale assumed: a tenth in a sweep"
+    )
 
     def measured(
         self, modulus: Complex[Array, " row"], state: DmaState, strength: Strength, shape: Strength

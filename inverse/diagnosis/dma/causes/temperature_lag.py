@@ -20,7 +20,10 @@ class TemperatureLag(DmaCause):
     largest = 1.0
     sentence = "The sample is still on its way from the temperature before when the sweep begins."
     helps = "Longer waiting before each sweep, or the sweep repeated at the same temperature."
-    source = "First-order heating of the sample; scale assumed: a third of the step is still to go"
+    source = (
+        "Alves & Mano (2000), Thermochim. Acta 346, 133: a sample in a DMA is not at the temperature that is shown; "
+        "first-order heating, and scale, assumed: a third of the step is still to go"
+    )
     shapes: ClassVar[tuple[float, ...]] = (0.2, 0.5)
     shape_means: ClassVar[str] = "time constant over the duration of a sweep"
 

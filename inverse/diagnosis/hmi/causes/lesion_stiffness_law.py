@@ -20,7 +20,10 @@ class LesionStiffnessLaw(HmiCause):
         "The lesion's stiffness does not grow exponentially with temperature: its growth slows down, or sets in late."
     )
     helps = "DMA of coagulated tissue at more temperatures."
-    source = "Curvature of the logarithm of the modulus over 10 K about 70 degC; scale assumed"
+    source = (
+        "Kiss et al. (2009), J. Biomech. 42, 959: moduli of lesions made at 60 to 90 degC peak at 70 to 75 degC and "
+        "rise again; curvature of the logarithm over 10 K about 70 degC, and scale, assumed"
+    )
 
     def tissue(
         self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength

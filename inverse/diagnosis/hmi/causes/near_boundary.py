@@ -22,8 +22,8 @@ class NearBoundary(HmiCause):
     )
     helps = "A shorter push, or another depth."
     source = (
-        "Twice the distance over shear speed against the push's duration; strength relative to liver at the "
-        "start, assumed"
+        "Palmeri et al. (2006), IEEE UFFC 53, 2065: shear waves from boundaries alter displacement after a push; twice "
+        "the distance over shear speed against its duration; strength relative to liver at the start, assumed"
     )
 
     def tissue(

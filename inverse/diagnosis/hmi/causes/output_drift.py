@@ -21,7 +21,10 @@ class OutputDrift(HmiCause):
         "sonication than at its start."
     )
     helps = "A hydrophone or a power meter during the sonication; or pushes in reversed order."
-    source = "A few percent to ten over a minute, assumed"
+    source = (
+        "Duck et al. (1989), Br. J. Radiol. 62, 1005: surfaces of transducers in air warm by up to 36 K in a minute; "
+        "that this takes a few percent to ten of the output, assumed"
+    )
 
     def tissue(
         self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength

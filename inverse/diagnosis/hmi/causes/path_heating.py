@@ -18,7 +18,10 @@ class PathHeating(HmiCause):
     plausible = 1.0
     sentence = "The layers before the focus warm up with time and then absorb more or less than in the simulation."
     helps = "The sound that comes through, by a hydrophone behind the sample; or a thermocouple in the path."
-    source = "One percent of attenuation a kelvin over 30 mm of 8 Np/m; assumed"
+    source = (
+        "Todd et al. (2012), doi 10.1002/mrm.23055: heating before and behind the focus, mapped by MR; one percent of "
+        "attenuation a kelvin over 30 mm of 8 Np/m, assumed"
+    )
 
     def tissue(
         self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength

@@ -18,7 +18,10 @@ class ThermalDecorrelation(HmiCause):
         "falls, and motion is underestimated."
     )
     helps = "Pushes after the sound is off, at the same temperatures without a rise."
-    source = "Loss in proportion to the rate of rise, relative to 5 K/s; assumed"
+    source = (
+        "Mast et al. (2008), doi 10.7863/jum.2008.27.12.1685: echoes of liver decorrelate as it is ablated; loss in "
+        "proportion to the rate of rise, relative to 5 K/s, assumed"
+    )
 
     def measured(self, displacement: States, conditions: HmiConditions, strength: Strength, shape: Strength) -> States:
         """A loss that grows with the rate of rise."""

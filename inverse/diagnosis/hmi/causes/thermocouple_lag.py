@@ -24,7 +24,10 @@ class ThermocoupleLag(HmiCause):
         "the last time constant."
     )
     helps = "Sonications of other durations to the same temperature, or a temperature held before a reading."
-    source = "First-order lag; scale assumed, from the time constants of wire thermocouples in tissue"
+    source = (
+        "Int. J. Hyperthermia 8 (1992), 395, doi 10.3109/02656739209021793: heat of a probe decays with a time "
+        "constant of its own, there 7 s; first-order lag, and scale, assumed for a wire"
+    )
 
     def temperature(
         self, temperature: States, conditions: HmiConditions, strength: Strength, shape: Strength
