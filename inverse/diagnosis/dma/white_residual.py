@@ -95,6 +95,7 @@ class WhiteResidual(eqx.Module):
         at = solids[rows.sweep], solids[rows.sweep_before], unknowns
         # Shapes of causes that have none move nothing.
         direct = [*range(count), *(count + i for i, cause in enumerate(self.causes) if len(cause.shapes) > 1)]
+        places = np.array(direct, dtype=int)
 
         def along(own, before, unknown):
             return jax.jvp(self.plain_of_rows, at, (own, before, unknown))[1]
@@ -103,12 +104,12 @@ class WhiteResidual(eqx.Module):
         each = jnp.broadcast_to(jnp.eye(4)[:, None], (4, *still.shape))
         by_own = jax.vmap(lambda one: along(one, still, unmoved))(each)
         by_before = jax.vmap(lambda one: along(still, one, unmoved))(each)
-        by_unknown = jax.vmap(lambda one: along(still, still, one))(jnp.eye(len(unknowns))[jnp.array(direct)])
+        by_unknown = jax.vmap(lambda one: along(still, still, one))(jnp.eye(len(unknowns))[places])
         coordinates = self.weights.shape[1]
         own, before = (jnp.repeat(one, coordinates) for one in (rows.sweep, rows.sweep_before))
         slope = jnp.einsum("kn,nku->nu", by_own, slope_of_solids[own])
         slope += jnp.einsum("kn,nku->nu", by_before, slope_of_solids[before])
-        return slope.at[:, jnp.array(direct)].add(by_unknown.T)
+        return slope.at[:, places].add(by_unknown.T)
 
     def _added(self, unknowns: Float[Array, " unknown"]) -> tuple[tuple[Extension, ...], Float[Array, " cause"]]:
         """Causes in their shapes, and their strengths."""

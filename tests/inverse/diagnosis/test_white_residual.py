@@ -54,7 +54,9 @@ def residual_and_unknowns(folder, model, causes):
     return residual, jnp.asarray(unknowns), jnp.asarray(mask)
 
 
-@pytest.mark.parametrize("causes", [DMA_CAUSES, (*DMA_CAUSES, Filtered())], ids=["library", "mixed rows"])
+@pytest.mark.parametrize(
+    "causes", [DMA_CAUSES, (*DMA_CAUSES, Filtered()), ()], ids=["library", "mixed rows", "no cause"]
+)
 @pytest.mark.parametrize("model", [FRACTIONAL, CONVENTIONAL], ids=lambda model: model.name)
 def test_slope_is_what_reverse_and_central_differences_give(tmp_path, model, causes):
     residual, unknowns, mask = residual_and_unknowns(tmp_path, model, causes)
