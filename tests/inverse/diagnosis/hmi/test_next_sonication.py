@@ -177,6 +177,20 @@ def test_sonications_of_any_number_of_readings_are_simulated_together_as_each_al
     assert together.excess(lagging) == pytest.approx(max(one.excess(lagging) for one in alone), rel=1e-12)
 
 
+def test_what_tracking_adds_is_counted_in_displacements_of_the_coldest_state_of_each_sonication(fitted, described):
+    """At which squares of one and of a jitter add, wherever another sonication begins."""
+    found = hmi_proposals(described.stepwise(), reference=37.0, hottest=70.0, readings=5)
+    warmer = dataclasses.replace(found[0], temperature=np.linspace(46.0, 70.0, 5))
+    (further,), _ = hmi_design._planned(fitted, warmer)
+    cause = next(cause for cause in HMI_CAUSES if cause.name == JITTER)
+    (first, _), program = fitted.problem.program.courses, fitted.problem.program.with_causes([cause])
+    program = program.on([_first_of(first), _first_of(further, len(first.rows))])
+    jitter = program.null()
+    jitter[program.place(JITTER)] = 0.2 / cause.plausible
+    change = program.predict(jitter) - program.predict(program.null())
+    np.testing.assert_allclose(change[[0, len(first.rows)]], 0.5 * np.log(1.2), rtol=1e-9)
+
+
 def _first_of(course, start=0):
     """The same course, its rows numbered from there on."""
     return dataclasses.replace(course, rows=start + np.arange(len(course.rows)))

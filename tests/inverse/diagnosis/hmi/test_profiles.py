@@ -9,6 +9,7 @@ from scipy import stats
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi import profile
+from inverse.diagnosis.hmi.bound_search import Trial
 from inverse.diagnosis.hmi.correction import Correction
 from inverse.diagnosis.hmi.examination import Refits, noise_size
 from inverse.diagnosis.hmi.fitting import Fitting, HmiFit, moved_by
@@ -177,6 +178,16 @@ def test_an_end_that_the_full_simulation_cannot_confirm_stays_and_that_is_said(p
     # Nor has the fit itself been confirmed any better: its misfit is that of the same simulation as that of its ends.
     found = profiled(dataclasses.replace(fit, left=10.0), white(full), noise)
     assert found.remarks == ()
+
+
+@pytest.mark.parametrize(("at_fit", "most"), [(float("nan"), 0.5), (0.1, 0.5), (2.0, 2.0)])
+def test_an_end_is_settled_as_well_as_fits_have_to_be_or_as_its_own_is(problem, monkeypatch, at_fit, most):
+    """In standard deviations of the noise, all readings together."""
+    end, trial = bare(profile._End, fit=bare(HmiFit, left=at_fit), size=0.01), Trial(1.0, 1.0, np.zeros(1))
+    for away, settled in ((0.99 * most, True), (1.01 * most, False)):
+        left = 0.01 * away * np.array([0.6, -0.8])
+        monkeypatch.setattr(HmiDiagnosisProblem, "left", lambda self, _, left=left: left)
+        assert end._settled(problem, trial) == settled
 
 
 @pytest.mark.slow
