@@ -116,7 +116,7 @@ def test_causes_in_question_alone_do_what_they_do_among_all(problem, prepared):
     # a sonication's readings, which its factor takes, left out.
     slopes = problem.program.penalty_slopes(fitted.unknowns)[:, problem.program.constants]
     free = np.linalg.svd(problem.factors)[0][:, problem.factors.shape[1] :]
-    constants, exact = among_all[:, 2:], problem.program.slopes(fitted.unknowns, problem.program.constants.tolist())
+    constants, exact = among_all[:, 2:], program.slopes(lean, program.constants.tolist())
     # A central difference is off by the square of its step, a thousandth, times a third derivative.
     np.testing.assert_allclose(constants, exact, atol=1e-5 * np.max(np.linalg.norm(exact, axis=0)))
     covariance = 1e-4 * np.eye(len(constants)) + constants @ np.linalg.inv(slopes.T @ slopes) @ constants.T
