@@ -65,4 +65,4 @@ def _next(inside: Trial | None, outside: Trial | None) -> float:
     if outside is None:
         return here * min(1.0 / max(risen, 1e-6), _STRIDE)
     slope = (outside.risen - risen) / (outside.step - here)
-    return max(here + (1.0 - risen) / slope, outside.step / _STRIDE) if slope > 0.0 else 0.5 * (here + outside.step)
+    return max(here + (1.0 - risen) / slope, outside.step / _STRIDE)

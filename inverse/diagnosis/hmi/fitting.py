@@ -261,11 +261,13 @@ def moved_by(problem: HmiDiagnosisProblem, extensions: Sequence[Extension[HmiCau
 def _errors(jacobian: Float[np.ndarray, "n p"]) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " n"]]:
     """Standard errors of all unknowns in noise of size 1, priors included; what was taken from every datum.
 
-    What is not felt at all has no end of an error.
+    What is not felt at all, or cannot be told from others, has no end of an error.
     """
     lengths = np.linalg.norm(jacobian, axis=0)
     felt, errors = lengths > 1e-12 * np.max(lengths), np.full(len(lengths), np.inf)
     basis, singular, directions = np.linalg.svd(jacobian[:, felt] / lengths[felt], full_matrices=False)
     kept = singular > 1e-9 * singular[0]
     errors[felt] = np.sqrt(np.sum((directions[kept] / singular[kept, None]) ** 2, axis=0)) / lengths[felt]
+    # Along a direction that is not kept the data say nothing; what has no part in it but by rounding is told.
+    errors[np.flatnonzero(felt)[np.any(np.abs(directions[~kept]) > 1e-6, axis=0)]] = np.inf
     return errors, np.sum(basis[:, kept] ** 2, axis=1)

@@ -9,6 +9,7 @@ it agrees where it comes out, as fits are.
 """
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -41,7 +42,8 @@ def profiled(fit: HmiFit, noise: Noise, size: float) -> HmiFit:
     no other fit could be made, is the nearest one known, and `remarks` say so. What a strength can be at most, or at
     least, is an end without remark.
 
-    A trial that is better than the fit shows that this is a local one; it begins anew there, once.
+    A trial that is better than the fit shows that this is a local one; it begins anew there, once. One that the full
+    simulation was not asked about shows it only if that has such a fit, too.
 
     Args:
         fit: Converged; others come back as they are.
@@ -50,20 +52,24 @@ def profiled(fit: HmiFit, noise: Noise, size: float) -> HmiFit:
     """
     if not fit.converged:
         return fit
-    found, lowest = _ends(fit, noise, size)
+    found, confirmed, doubtful = _ends(fit, noise, size)
+    lowest = min((one for one in (confirmed, doubtful) if one), key=lambda one: one.misfit, default=None)
     if not _is_better(lowest, fit):
         return found
     better = _anew(fit, lowest, noise, size)
     if better is None:
+        # One that the full simulation does not confirm may be the correction's alone.
+        if not _is_better(confirmed, fit):
+            return found
         return _with_remarks(
             found, "its interval is not one: a better fit was met on the way, and could not be reached."
         )
-    found, lowest = _ends(better, noise, size)
+    found, confirmed, _ = _ends(better, noise, size)
     found = _with_remarks(
         found,
         "on the way to its interval a better fit was met: strength and interval are of that one, p-values are not.",
     )
-    return _with_remarks(found, "beside that a still better one was met.") if _is_better(lowest, better) else found
+    return _with_remarks(found, "beside that a still better one was met.") if _is_better(confirmed, better) else found
 
 
 def _with_remarks(fit: HmiFit, *remarks: str) -> HmiFit:
@@ -74,8 +80,8 @@ def _is_better(trial: HmiFit | None, fit: HmiFit) -> bool:
     return trial is not None and fit.misfit - trial.misfit > _WORTH_A_FIT * fit.variance
 
 
-def _ends(fit: HmiFit, noise: Noise, size: float) -> tuple[HmiFit, HmiFit | None]:
-    """The fit with its intervals, and the best trial on the way to their ends."""
+def _ends(fit: HmiFit, noise: Noise, size: float) -> tuple[HmiFit, HmiFit | None, HmiFit | None]:
+    """The fit with its intervals; the best trial on the way to their ends, and of those that may not be one in full."""
     responses = _responses(fit, noise, size)
     searches = [
         _End(fit, which, direction, noise, size, direction * response)
@@ -84,9 +90,12 @@ def _ends(fit: HmiFit, noise: Noise, size: float) -> tuple[HmiFit, HmiFit | None
     ]
     ends = np.array([search.found() for search in searches]).reshape(-1, 2)
     remarks = tuple(f"{search.words} {search.remark}" for search in searches if search.remark)
-    trials = [trial for search in searches for trial in search.tried]
     found = _with_remarks(dataclasses.replace(fit, intervals=ends), *remarks)
-    return found, min(trials, key=lambda one: one.misfit, default=None)
+    confirmed, doubtful = (
+        min(itertools.chain.from_iterable(trials), key=lambda one: one.misfit, default=None)
+        for trials in ([search.tried for search in searches], [search.doubtful for search in searches])
+    )
+    return found, confirmed, doubtful
 
 
 def _responses(fit: HmiFit, noise: Noise, size: float) -> list[Float[np.ndarray, " unknown"]]:
@@ -135,6 +144,7 @@ class _End:
         self.limit = self._limit()
         self.known = {0.0: fit.unknowns}
         self.tried: list[HmiFit] = []
+        self.doubtful: list[HmiFit] = []
         self.remark = ""
 
     @property
@@ -154,6 +164,7 @@ class _End:
         end = searched(lambda step: self._held(self.fit.problem, step), begun, self.limit)
         if end is not None and not (self.fit.problem.correction is None or self._settled(self.fit.problem, end)):
             self.known = {0.0: self.fit.unknowns, end.step: end.unknowns}
+            self.tried, self.doubtful = [], self.tried
             full = searched(self._in_full, end.step, self.limit, most=_MOST_IN_FULL)
             end = full or dataclasses.replace(end, remark=_NOT_CONFIRMED)
         if end is None:

@@ -363,6 +363,15 @@ def test_what_is_not_felt_has_no_end_of_an_error():
     assert np.sum(taken) == pytest.approx(2.0)
 
 
+def test_what_cannot_be_told_from_another_has_no_end_of_an_error():
+    """Of two that do the same only their sum is known; a third is known as ever."""
+    line = np.linspace(0.0, 1.0, 8)
+    errors, taken = _errors(np.column_stack([line, np.ones(8), 3.0 * line]))
+    alone = np.linalg.inv(np.column_stack([line, np.ones(8)]).T @ np.column_stack([line, np.ones(8)]))
+    np.testing.assert_allclose(errors, [np.inf, np.sqrt(alone[1, 1]), np.inf])
+    assert np.sum(taken) == pytest.approx(2.0)
+
+
 def test_nothing_is_believed_of_a_constant_with_a_flat_prior(prepared, described, settings):
     place = "model.lesion.viscoelasticity.branch_modulus.value"
     kinds = {

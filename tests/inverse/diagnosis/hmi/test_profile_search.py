@@ -23,6 +23,16 @@ def test_end_is_where_the_bound_is_met(risen, start):
 def test_end_is_where_the_strength_may_go_no_farther():
     end = searched(profile(lambda step: step), 0.3, 0.6)
     assert end.step == 0.6 and end.remark == ""
+    # Where the farthest lies beyond the bound it is no end.
+    end = searched(profile(lambda step: step / 0.4), 0.6, 0.6)
+    assert abs(end.risen - 1.0) < 0.05 and end.remark == ""
+
+
+def test_from_where_nothing_has_risen_the_next_is_three_times_as_far():
+    steps = []
+    end = searched(profile(lambda step: steps.append(step) or max(step - 0.5, 0.0)), 0.2, 100.0)
+    np.testing.assert_allclose(steps[:2], [0.2, 0.6])
+    assert abs(end.risen - 1.0) < 0.05
 
 
 @pytest.mark.parametrize(("covered", "start"), [(1.5, 1.6), (0.98, 1.0), (1.2, 40.0)])

@@ -8,9 +8,12 @@ from scipy import stats
 
 from inverse.diagnosis import HMI_CAUSES
 from inverse.diagnosis.cause import Extension
+from inverse.diagnosis.hmi import profile
+from inverse.diagnosis.hmi.bound_search import Trial
 from inverse.diagnosis.hmi.correction import Correction
 from inverse.diagnosis.hmi.examination import Refits, noise_size
 from inverse.diagnosis.hmi.fitting import Fitting, HmiFit, moved_by
+from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import fit_hmi, fit_in_full
 from inverse.diagnosis.hmi.twin import _farthest, spanning, twin_strength
@@ -177,6 +180,16 @@ def test_an_end_that_the_full_simulation_cannot_confirm_stays_and_that_is_said(p
     assert found.remarks == ()
 
 
+@pytest.mark.parametrize(("at_fit", "most"), [(float("nan"), 0.5), (0.1, 0.5), (2.0, 2.0)])
+def test_an_end_is_settled_as_well_as_fits_have_to_be_or_as_its_own_is(problem, monkeypatch, at_fit, most):
+    """In standard deviations of the noise, all readings together."""
+    end, trial = bare(profile._End, fit=bare(HmiFit, left=at_fit), size=0.01), Trial(1.0, 1.0, np.zeros(1))
+    for away, settled in ((0.99 * most, True), (1.01 * most, False)):
+        left = 0.01 * away * np.array([0.6, -0.8])
+        monkeypatch.setattr(HmiDiagnosisProblem, "left", lambda self, _, left=left: left)
+        assert end._settled(problem, trial) == settled
+
+
 @pytest.mark.slow
 def test_ends_of_a_profile_are_those_of_the_full_simulation(problem):
     """By the fast one, coarse here and corrected where the fit is, the bound is missed by 40 % at the lower end."""
@@ -197,6 +210,40 @@ def test_ends_of_a_profile_are_those_of_the_full_simulation(problem):
         # Simulations d apart have misfits 2 r d apart: for d of half a standard deviation and noise r of any direction
         # about 1, in squared ones. Twice that takes the root, the bound of 2, to 1.4 or 2.4.
         assert np.sqrt(max(held.misfit - fit.misfit, 0.0)) == pytest.approx(bound, rel=0.3)
+
+
+@pytest.mark.parametrize("agrees", [True, False])
+def test_a_better_fit_that_the_full_simulation_does_not_have_is_none(problem, monkeypatch, agrees):
+    """By the fast one, corrected where the fit is, misfits are lowest three standard errors farther on."""
+    fit, none, nowhere = fitted_with(problem, DRIFT, 2.0, 0.005, seed=3), np.zeros(len(problem.rows)), np.zeros(0, int)
+    about, full = (Correction(fit.unknowns, none, nowhere, none[:, None] * nowhere) for _ in range(2))
+    fit = dataclasses.replace(fit, problem=dataclasses.replace(fit.problem, correction=about))
+    reach = stats.t.ppf(0.975, fit.freedom)
+    error = (fit.intervals[0, 1] - fit.strengths[0]) / reach
+    farther = dataclasses.replace(
+        fit, problem=dataclasses.replace(fit.problem, correction=full),
+        strengths=fit.strengths + 3.0 * error, misfit=fit.misfit - 9.0 * fit.variance,
+    )  # fmt: skip
+
+    def held_at(problem, extensions, noise, *, start, strengths, **_):
+        lowest = farther if agrees or problem.correction is about else fit
+        risen = fit.variance * ((strengths[0] - lowest.strengths[0]) / error) ** 2
+        return dataclasses.replace(
+            fit, problem=problem, unknowns=start, strengths=strengths, misfit=lowest.misfit + float(risen)
+        )
+
+    monkeypatch.setattr(profile, "fit_hmi", held_at)
+    monkeypatch.setattr(profile, "fit_in_full", lambda *_, **__: farther if agrees else fit)
+    monkeypatch.setattr(profile, "_responses", lambda *_: [np.zeros(len(fit.unknowns))])
+    monkeypatch.setattr(
+        HmiDiagnosisProblem, "corrected_at", lambda self, *_: dataclasses.replace(self, correction=full)
+    )
+    monkeypatch.setattr(HmiDiagnosisProblem, "left", lambda self, _: none + float(self.correction is not full))
+    found, lowest = profiled(fit, white(fit.problem), 0.005), farther if agrees else fit
+    assert [("better fit was met" in remark) for remark in found.remarks] == [True] * agrees
+    assert found.strengths[0] == lowest.strengths[0]
+    # The search for an end stops within 5 % of the bound.
+    np.testing.assert_allclose((found.intervals[0] - lowest.strengths[0]) / (reach * error), [-1.0, 1.0], atol=0.05)
 
 
 def test_profile_of_a_local_fit_leads_to_the_better_one(problem):
@@ -236,11 +283,53 @@ def test_what_does_not_turn_back_has_no_twin(problem):
     fit = fitted_with(problem, DRIFT, 2.0, 0.005, seed=3)
     fit = profiled(fit, white(fit.problem), 0.005)
     assert twin_strength(fit, white(fit.problem), 0.005) is None
+    # Nor where there is no such tissue.
+    nowhere, place = problem.program.on(problem.program.courses), problem.program.place(DRIFT)
+    nowhere.predict = lambda at: problem.program.predict(at) + (np.nan if at[place] > 3.5 else 0.0)
+    without = dataclasses.replace(fit, problem=dataclasses.replace(fit.problem, program=nowhere))
+    assert twin_strength(without, white(fit.problem), 0.005) is None
     # Nor by a correction, which is right about the fit alone: by this one two plausible strengths more were better.
     effect = problem.program.slopes(fit.unknowns, [problem.program.place(DRIFT)])[:, 0]
     shifted = Correction(fit.unknowns, -2.0 * effect, np.zeros(0, dtype=int), np.zeros((len(effect), 0)))
     shifted = dataclasses.replace(fit.problem, correction=shifted)
     assert twin_strength(dataclasses.replace(fit, problem=shifted), white(fit.problem), 0.005) is None
+
+
+@pytest.mark.parametrize(("noise", "off", "found"), [(0.002, 0.0, False), (0.002, 0.02, True), (0.004, 0.0, True)])
+def test_a_twin_may_be_as_much_worse_as_the_fast_simulation_is_off(problem, noise, off, found):
+    """By five standard deviations of the noise; constants as they are, it is 6.4 of 0.2 % worse, and half of 0.4 %."""
+    program, rng = problem.program, np.random.default_rng(0)
+    unknowns, cause = program.null(), next(c for c in HMI_CAUSES if c.name == "normalisation-temperature")
+    unknowns[program.constants] += 0.5 * program.spreads * rng.standard_normal(len(program.start))
+    unknowns[program.place(cause.name)] = 11.0 / cause.plausible
+    logarithm = program.predict(unknowns) + noise * rng.standard_normal(len(problem.rows))
+    # What the full simulation has more, from one reading to the next, and the data have, too.
+    more = off * (-1.0) ** np.arange(len(problem.rows))
+    correction = Correction(program.null(), more, np.zeros(0, dtype=int), np.zeros((len(more), 0)))
+    rows = dataclasses.replace(problem.rows, log_displacement=logarithm + more)
+    full = dataclasses.replace(problem, rows=rows, correction=correction)
+    fit = fit_hmi(full, (Extension(cause, 0.0),), white(full), size=noise, strengths=np.array([-1.0]))
+    assert fit.converged and -3.0 < fit.strengths[0] < 0.0
+    twin = twin_strength(fit, white(full), noise)
+    # Looked for in steps of 0.75.
+    assert (twin is not None) == found and (twin is None or abs(twin - 11.0) < 0.75)
+    if off:
+        other = fit_hmi(full, fit.extensions, white(full), size=noise, strengths=np.array([twin]))
+        back = twin_strength(other, white(full), noise)
+        assert other.converged and back is not None and abs(back - fit.strengths[0]) < 0.75
+        # Of a fit that failed nothing is known, and of two strengths each has its interval from the profile.
+        for none in (
+            dataclasses.replace(fit, converged=False),
+            dataclasses.replace(fit, extensions=2 * fit.extensions),
+        ):
+            assert twin_strength(none, white(full), noise) is None
+
+        # Where strengths end on the way to the twin, it may lie there.
+        class Bounded(type(cause)):
+            largest = 10.0
+
+        ends = dataclasses.replace(fit, extensions=(Extension(Bounded(), 0.0),))
+        assert twin_strength(ends, white(full), noise) == pytest.approx(10.0)
 
 
 def test_a_twin_is_looked_for_as_far_again_as_the_fit_and_no_farther_than_there_are_strengths():
@@ -269,3 +358,8 @@ def test_of_two_fits_the_better_one_counts_and_both_only_within_the_bound(proble
         # An end of the other fit comes with what is to be said of it.
         told = spanning(fit, dataclasses.replace(other, remarks=("its end was not met.",))).remarks
         assert ("its end was not met." in told) == spans
+    # What is lower by less than fits end apart is no better, and what is to be said of both is said once.
+    hardly = dataclasses.replace(fit, misfit=fit.misfit - 0.2 * variance, strengths=-fit.strengths)
+    assert spanning(fit, hardly).strengths[0] == fit.strengths[0] and len(spanning(fit, hardly).remarks) == 1
+    both = [dataclasses.replace(one, remarks=("its end was not met.",)) for one in (fit, hardly)]
+    assert spanning(*both).remarks.count("its end was not met.") == 1

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from inverse.diagnosis.hmi.rough_fit import Followed
+from inverse.diagnosis import HMI_CAUSES
+from inverse.diagnosis.examination import DETECTABLE
+from inverse.diagnosis.hmi.fitting import HmiFit
+from inverse.diagnosis.hmi.problem import Effect
+from inverse.diagnosis.hmi.rough_fit import Followed, RoughFit, _RoughFitting, _worth_asking
+from inverse.diagnosis.noise import Noise, Ordering
+from tests.inverse.diagnosis.hmi.cases import bare
 
 FREE = np.array([-np.inf, -np.inf, -np.inf]), np.array([np.inf, np.inf, np.inf])
 TIMES = np.linspace(0.0, 1.0, 20)
@@ -89,3 +95,33 @@ def test_where_there_is_nothing_at_all_there_is_no_best_point():
     followed = Followed(lambda point: np.full(len(first), np.nan), first, slopes)
     followed.descend(*FREE)
     assert followed.best is None
+
+
+def test_the_full_simulation_is_asked_of_what_gains_and_of_what_lies_along_residuals_in_turn():
+    """A gain of t = 2 at least, as a share where few readings are to spare; of a fit that failed nothing is asked."""
+    rng = np.random.default_rng(4)
+    ones, *ways, rest = np.linalg.qr(np.column_stack([np.ones(20), rng.standard_normal((20, 5))]))[0].T
+    residuals = 4.0 * rest - 6.0 * ways[3] + 4.0 * ways[0]
+    null = bare(HmiFit, directions=ones[:, None], residuals=residuals)
+    # t is 2.1, 3.5, 1.9 and 0.4 with three readings to spare.
+    misfits = {"gains": 8.0, "gains-more": 5.0, "hardly-gains": 9.1, "in-the-way": 19.0}
+    fits = [
+        RoughFit(Effect(name, way[:, None], 0), np.zeros(1), 1.0, misfit)
+        for (name, misfit), way in zip(misfits.items(), ways, strict=True)
+    ]
+    failed = RoughFit(Effect("failed", residuals[:, None], 0), np.zeros(1), 0.0, np.inf)
+    white = Noise(0.0, Ordering("time", np.full(20, -1)), np.zeros(20), 0.0, 1.0, np.nan)
+    asked = _worth_asking(bare(HmiFit, misfit=20.0, freedom=3.0), [*fits, failed], null, (white,))
+    assert [fit.alternative.name for fit in asked] == ["gains-more", "in-the-way", "gains"]
+
+
+@pytest.mark.parametrize(("taken_at", "size", "expected"), [(0.0, 1.0, 1.0), (-4.0, 1.0, 2.0), (0.0, 9.0, 4.0)])
+def test_a_strength_begins_where_it_would_be_detected_and_no_farther_than_effects_are_followed(
+    taken_at, size, expected
+):
+    """In plausible strengths; an effect that was taken too far, and is too long there, grows with their square."""
+    cause = next(cause for cause in HMI_CAUSES if cause.name == "output-drift")
+    fitting, direction = object.__new__(_RoughFitting), np.array([[1.0], [-1.0], [0.0]]) / cause.plausible
+    fitting._begun, fitting._spread = bare(HmiFit, directions=np.ones((3, 1))), size * np.sqrt(2.0) / DETECTABLE
+    effect = Effect(cause.name, direction, -1, reach=taken_at * cause.plausible)
+    assert fitting._reach(effect, cause) == pytest.approx(expected)
