@@ -32,7 +32,7 @@ def diagnosed(problem, size, decision=None):
     found = object.__new__(Diagnosis)
     said = {field.name: None for field in dataclasses.fields(Diagnosis)} | {
         "verdict": "confusable", "noise": SimpleNamespace(size=size), "problem": problem, "decision": decision,
-        "causes": tuple(of_cause(name) for name in STRENGTHS),
+        "causes": tuple(of_cause(name) for name in STRENGTHS), "not_testable": (),
     }  # fmt: skip
     for name, value in said.items():
         object.__setattr__(found, name, value)
