@@ -96,9 +96,8 @@ def hmi_proposals(
     low, high = max(COAGULATION[0], reference), min(COAGULATION[1], hottest)
     if high - low > _LEAST_RISE and readings > 1:
         words = f"a sonication that ends at {high:.0f} degC, read from {low:.0f} degC on only"
-        dense = np.linspace(low, high, readings)
-        if reference < low:
-            dense = np.append(reference, np.linspace(low, high, readings - 1))
+        before = [reference] if reference < low else []
+        dense = np.append(before, np.linspace(low, high, readings - len(before)))
         found.append(dataclasses.replace(one("around-coagulation", words, high), temperature=dense))
     return tuple(found)
 
