@@ -51,7 +51,7 @@ UNDERSTATED, UNDERSTATED_BY = "understated", 1.3
 WEAK, STRONG = 5.0, 9.0
 """The d' at which effects without a name are to be named wrongly seldom, and that of curves that are simulated."""
 _AT_ONCE = 20
-_FIRST_SEED = {False: 2_600_000, True: 200}
+_FIRST_SEED = {False: 2_620_000, True: 200}
 """By whether they are for development. Test seeds below this were looked at with earlier code, or others have them."""
 
 

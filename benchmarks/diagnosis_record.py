@@ -13,7 +13,7 @@ import re
 import tokenize
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -44,6 +44,8 @@ REPORTING = (
     "inverse/diagnosis/hmi/links.py",
 )
 """Files that read what is asked for or tell what was decided, and decide nothing: no record depends on them."""
+WORDS = ("source", "sentence", "helps", "shape_means")
+"""What a cause says of itself to readers alone."""
 
 
 def stamp(patterns: Sequence[str]) -> str:
@@ -56,16 +58,25 @@ def stamp(patterns: Sequence[str]) -> str:
 
 
 def code_in(source: str) -> str:
-    """Lines of a module without comments, docstrings and blank ones, which change nothing that it does."""
+    """Lines of a module without comments, docstrings, blank ones and `WORDS`, which change nothing that it does."""
     lines = source.splitlines()
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.COMMENT:
             row, column = token.start
             lines[row - 1] = lines[row - 1][:column]
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+        if _only_says(node):
             lines[node.lineno - 1 : node.end_lineno] = [""] * (node.end_lineno - node.lineno + 1)
     return "\n".join(line.rstrip() for line in lines if line.strip())
+
+
+def _only_says(node: ast.AST) -> TypeGuard[ast.Expr | ast.Assign]:
+    """Whether a statement is a text by itself, or one of `WORDS`."""
+    if not isinstance(node, ast.Expr | ast.Assign):
+        return False
+    text = isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+    named = isinstance(node, ast.Expr) or getattr(node.targets[0], "id", "") in WORDS
+    return text and named
 
 
 def arguments(description: str | None, *, out: str, sets: int) -> argparse.ArgumentParser:

@@ -197,6 +197,8 @@ def test_a_record_depends_on_code_and_not_on_what_is_said_about_it():
     with_words = '"""A module."""\nx = "#1"  # one\n\n\ndef f():\n    """Twice\n    x."""\n    return x\n'
     assert code_in(with_words) == 'x = "#1"\ndef f():\n    return x' == code_in(code_in(with_words))
     assert code_in(with_words.replace("#1", "#2")) != code_in(with_words)
+    cause = 'class Some:\n    name = "some"\n    source = (\n  "Some"\n  "body"\n    )\n    helps = "More."\n'
+    assert code_in(cause) == 'class Some:\n    name = "some"' and code_in('helps = f("x")') == 'helps = f("x")'
     assert stamp(["inverse/diagnosis/report.py"]) == stamp([]) != stamp(["inverse/diagnosis/decision.py"])
 
 

@@ -19,7 +19,10 @@ class LesionRim(HmiCause):
     """A softer rim would have less than no lesion in it, a stiffer one more than the lesion itself."""
     sentence = "Between lesion and liver lies a rim that is softer or stiffer than the model's transition."
     helps = "A scan of the push across the lesion's edge, or histology."
-    source = "Assumed: share times what lacks to one"
+    source = (
+        "Cornelis et al. (2017), PMC5744668, pig's liver: dead and living cells mix over 0.3 mm (microwaves) to 0.8 mm "
+        "(radio frequency) of an ablation's edge; share times what lacks to one, and scale, assumed"
+    )
 
     def tissue(
         self, change: TissueChange, conditions: HmiConditions, model: Model, strength: Strength, shape: Strength

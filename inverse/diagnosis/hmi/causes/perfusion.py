@@ -45,7 +45,8 @@ class Perfusion(HmiCause):
     )
     helps = "The same sonication with and without flow, or the temperature followed while it cools."
     source = (
-        "Strength is the change over the assumed flow of perfused liver (0.0145 1/s), 15.2 kg/(m^3 s) as in the model"
+        "Pennes (1948); Wu & Du (1990), Ultrasound Med. Biol. 16, 489: what it takes of a focused beam's rise; change "
+        "over the flow of perfused liver (0.0145 1/s), 15.2 kg/(m^3 s) as in the model; scale assumed, all of it"
     )
 
     def model(self, model: Model, strength: Strength, shape: Strength) -> Model:
