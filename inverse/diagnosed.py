@@ -31,6 +31,7 @@ from inverse.figures.residuals import residuals_figure
 from inverse.output import output_directory, write_figures, write_json
 from inverse.precision import require_double_precision
 from inverse.resolution import diagnosed_as_measured
+from inverse.seeds import HIGHEST_SEED
 
 MODELS = {"fractional": FRACTIONAL, "zener": CONVENTIONAL}
 """Null models by the names that users write."""
@@ -133,8 +134,8 @@ def diagnose(
         raise InputError(f"`causes` must be a list of names, got a text: write ['{causes}'].")
     if not isinstance(causes, Sequence):
         raise InputError(f"`causes` must be a list, got {type(causes).__name__}: write [...] around it.")
-    if seed < 0:
-        raise InputError(f"`seed` must be 0 or more, got {seed}.")
+    if not 0 <= seed <= HIGHEST_SEED:
+        raise InputError(f"`seed` must be 0 to {HIGHEST_SEED}, got {seed}.")
     require_level(level)
     require_double_precision("diagnoses")
     asked = _Asked(causes, level, seed, gain, separate, on_step)
@@ -171,7 +172,12 @@ class _Asked:
         apart = next(iter(found.confusable), ())
         # Of causes that stand for one another; of pairs, those of one pair do not.
         single = found.decision is not None and all(len(names) == 1 for names in found.decision.explanations)
-        designed = design(apart) if self.separate and single and len(apart) > 1 else None
+        designed = None
+        if self.separate and single and len(apart) > 1:
+            try:
+                designed = design(apart)
+            except InputError as error:  # of further readings beside these: what these say stands
+                remarks = (*remarks, f"Which measurement would tell them apart is not known: {error}")
         separation = [] if designed is None else [in_short(designed)]
         content = {**as_json(found, remarks), "separation": separation}
         return Diagnosed(content, name, found, designed, remarks)

@@ -19,6 +19,7 @@ from inverse.diagnosis.choice import LIBRARIES, find_causes, names_in
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
 from inverse.figures.design import design_figure
 from inverse.output import output_directory, write_figures, write_json, write_summary
+from inverse.seeds import HIGHEST_SEED
 
 
 def design_command(
@@ -33,7 +34,7 @@ def design_command(
     ] = "",
     model: Annotated[NullModel, typer.Option(help="Solid behind DMA data.")] = NullModel.FRACTIONAL,
     check: Annotated[bool, typer.Option(help="Simulate the best measurement and diagnose it again.")] = True,
-    seed: Annotated[int, typer.Option(help="Seed of orders and simulations.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of orders and simulations.", min=0, max=HIGHEST_SEED)] = 0,
     trust_units: Annotated[bool, typer.Option("--trust-units", help="Believe units that look wrong.")] = False,
 ) -> None:
     """Say which further measurement would best tell the causes apart that a diagnosis leaves, and check it.

@@ -2,7 +2,7 @@
 
 import enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import jax
 import typer
@@ -11,6 +11,7 @@ from arfjax import InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, staged_bar
 from inverse.datasets.dma import DmaData, read_dma, require_loss
 from inverse.datasets.hmi import read_hmi
+from inverse.design.report import percent
 from inverse.diagnosed import MODELS, Diagnosed, diagnose
 from inverse.diagnosis.cause import Cause
 from inverse.diagnosis.choice import LIBRARIES, find_causes, names_in, require_known
@@ -20,6 +21,7 @@ from inverse.diagnosis.level import HIGHEST_LEVEL, LOWEST_LEVEL, require_level
 from inverse.diagnosis.report import pairs_in_question
 from inverse.dma_fit import ZenerModel
 from inverse.output import output_directory, sha256, write_summary
+from inverse.seeds import HIGHEST_SEED
 
 STAGES = {
     "dma": {
@@ -67,7 +69,7 @@ def diagnose_command(
     level: Annotated[
         float, typer.Option(help="Chance of finding fault with a right model.", min=LOWEST_LEVEL, max=HIGHEST_LEVEL)
     ] = 0.05,
-    seed: Annotated[int, typer.Option(help="Seed of starts and replicates.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of starts and replicates.", min=0, max=HIGHEST_SEED)] = 0,
     trust_units: Annotated[bool, typer.Option("--trust-units", help="Believe units that look wrong.")] = False,
 ) -> None:
     """Say whether the model of a DMA file or of HMI curves is wrong, by which cause, and what mending it is worth.
@@ -91,17 +93,12 @@ def diagnose_command(
     with output_directory(out) as folder:
         for kind in parts:
             with staged_bar(f"diagnosing {kind}", STAGES[kind]) as show:
-                found[kind] = diagnose(
-                    dma if kind == "dma" else None,
-                    hmi=hmi if kind == "hmi" else None,
-                    experiment=experiment if kind == "hmi" else None,
-                    model=model.value,
-                    causes=chosen[kind],
-                    level=level,
-                    seed=seed,
-                    trust_units=trust_units,
-                    on_step=show,
+                measured: dict[str, Any] = (
+                    {"dma": dma, "model": model.value, "trust_units": trust_units}
+                    if kind == "dma"
+                    else {"hmi": hmi, "experiment": experiment}
                 )
+                found[kind] = diagnose(**measured, causes=chosen[kind], level=level, seed=seed, on_step=show)
             found[kind].write(folder / places[kind])
         results = {
             kind: {
@@ -196,8 +193,8 @@ def _show(diagnosed: Diagnosed, out: Path) -> None:
         lines[0] += f" ({', '.join(found.confusable[0])} cannot be told apart)"
     for one in diagnosed.content["separation"]:
         if one["measurement"] is not None:
-            now, then = (100.0 * part["probability_right"] for part in (one, one["measurement"]))
-            best = f"{one['measurement']['words']} ({now:.0f} -> {then:.0f} %)"
+            now, then = (part["probability_right"] for part in (one, one["measurement"]))
+            best = f"{one['measurement']['words']} ({percent(now)} -> {percent(then)})"
             lines.append(
                 f"to tell them apart: {best if then > now else 'none of the measurements rated does it better'}"
             )

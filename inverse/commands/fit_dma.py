@@ -17,6 +17,7 @@ from inverse.dma_fit import CONVENTIONAL, FRACTIONAL, DmaFit, SweepFit, fit_swee
 from inverse.dma_residuals import LinearModulus, LogModulus, ModulusResidual
 from inverse.figures import dma_figure
 from inverse.output import output_directory, quantity, write_figures, write_summary
+from inverse.seeds import HIGHEST_SEED
 
 
 class ModelChoice(enum.StrEnum):
@@ -54,7 +55,7 @@ def fit_dma(
     model: Annotated[ModelChoice, typer.Option(help="Solid to fit.")] = ModelChoice.BOTH,
     residuals: Annotated[ResidualChoice, typer.Option(help="Compare log modulus or modulus.")] = ResidualChoice.BOTH,
     magnitude: Annotated[bool, typer.Option("--magnitude", help="Fit the magnitude alone, without phase.")] = False,
-    seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0, max=HIGHEST_SEED)] = 0,
     starts: Annotated[int, typer.Option(help="Starts of each fit.", min=1)] = 16,
     trust_units: Annotated[bool, typer.Option("--trust-units", help="Believe units that look wrong.")] = False,
 ) -> None:

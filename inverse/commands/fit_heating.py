@@ -16,6 +16,7 @@ from inverse.datasets.table import unused
 from inverse.datasets.thermometry import HOTTEST, read_thermometry
 from inverse.figures import heating_figure
 from inverse.output import output_directory, quantity, write_figures, write_summary
+from inverse.seeds import HIGHEST_SEED
 from inverse.thermometry_fit import HeatingFit, fit_heating
 from inverse.thermometry_model import CONSTANTS, COURSE_ACCURACY
 
@@ -40,7 +41,7 @@ def fit_heating_command(
     baseline: Annotated[
         float | None, typer.Option(help="Temperature before heating [degC]; that of the first row if not given.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the starts.", min=0, max=HIGHEST_SEED)] = 0,
     starts: Annotated[int, typer.Option(help="Starts of the fit.", min=1)] = 4,
     trust_units: Annotated[bool, typer.Option("--trust-units", help="Believe units that look wrong.")] = False,
 ) -> None:

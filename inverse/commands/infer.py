@@ -35,6 +35,7 @@ from inverse.inference.hmi import used_rows
 from inverse.inference.problem import Problem
 from inverse.output import output_directory, write_figures, write_summary
 from inverse.sampling import left_out, posterior_record, save_posterior
+from inverse.seeds import HIGHEST_SEED
 from inverse.study import Effort, Sampler, Study, infer
 
 _MOST_SEPARATE = 4
@@ -88,7 +89,7 @@ def infer_command(
     trust_units: Annotated[bool, typer.Option("--trust-units", help="Believe units that look wrong.")] = False,
     profiles: Annotated[bool, typer.Option(help="Profile likelihoods.")] = True,
     starts: Annotated[int, typer.Option(help="Starts of the fit; four at most with HMI.", min=1)] = 16,
-    seed: Annotated[int, typer.Option(help="Seed of starts and samplers.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of starts and samplers.", min=0, max=HIGHEST_SEED)] = 0,
 ) -> None:
     """Fit, audit the fit, and sample the posterior of constants given DMA, HMI or both.
 
@@ -263,11 +264,10 @@ def _write_posterior(folder: Path, study: Study, panels: dict[str, list[Panel]],
         return [], ""
     record = posterior_record(study.problem, study.draws, seed=seed)
     save_posterior(record, folder / "posterior.nc")
-    names = [entry.name for entry in study.problem.parameters.entries]
     drawn = {f"predictions_{name}": draw_predictions(record, name, list(each)) for name, each in panels.items()}
     drawn |= {"overlap": draw_overlap(record), "traces": draw_traces(record)}
     if len(study.problem.parameters.columns) <= _CORNER:
-        drawn["corner"] = draw_corner(record, names)
+        drawn["corner"] = draw_corner(record)
     return write_figures(folder, drawn), left_out(record)
 
 

@@ -15,11 +15,10 @@ _EVERY_K = 5.0
 
 
 def rows(data: xr.Dataset) -> list[tuple[str, ...]]:
-    """Bands at every fifth degree: temperature, samples, median, bands and the constant that is followed most."""
+    """Bands about every fifth degree: temperature, samples, median, bands and the constant that is followed most."""
     table = []
-    for index, at in enumerate(data["curve_temperature"].to_numpy()):
-        if abs(at / _EVERY_K - round(at / _EVERY_K)) > 1e-9:
-            continue
+    for index in _listed(data["curve_temperature"].to_numpy()):
+        at = float(data["curve_temperature"][index])
         low, lower, median, upper, high = data["displacement_quantile"].to_numpy()[:, index]
         table.append(
             (
@@ -32,6 +31,14 @@ def rows(data: xr.Dataset) -> list[tuple[str, ...]]:
             )
         )
     return table
+
+
+def _listed(temperature: np.ndarray) -> list[int]:
+    """The first and the last of ascending temperatures, and between them the nearest to every fifth degree."""
+    first, last = float(temperature[0]), float(temperature[-1])
+    fifths = _EVERY_K * np.arange(np.ceil(first / _EVERY_K), np.floor(last / _EVERY_K) + 1.0)
+    nearest = (int(np.argmin(np.abs(temperature - at))) for at in fifths)
+    return sorted({0, len(temperature) - 1, *nearest})
 
 
 def _followed(data: xr.Dataset, index: int) -> str:

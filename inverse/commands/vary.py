@@ -24,6 +24,7 @@ from inverse.monte_carlo import SPREADS, analyse, draw_factors, run_samples, ste
 from inverse.monte_carlo.bands import curves_by_temperature, levels_of
 from inverse.monte_carlo.runs import Outcome
 from inverse.output import output_directory, sha256, write_figures, write_summary
+from inverse.seeds import HIGHEST_SEED
 from inverse.software import versions
 
 _STEP_K = 2.5  # between temperatures of the stepwise curve
@@ -73,7 +74,7 @@ def vary_command(
     protocol: Annotated[
         VariedProtocol, typer.Option(help="The file's [protocol], or its watched sonication.")
     ] = VariedProtocol.STEPWISE,
-    seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0, max=HIGHEST_SEED)] = 0,
 ) -> None:
     """Run a protocol in many tissues, whose constants spread as measured, and say how its curve spreads.
 

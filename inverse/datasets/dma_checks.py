@@ -92,6 +92,17 @@ def _check_ratio(columns: Columns) -> None:
         )
 
 
+def check_samples(columns: Columns) -> None:
+    """Every row has a label, or none: an empty cell is no sample beside others."""
+    labels = columns.labels.get("sample", ())
+    if "" in labels and any(labels):
+        columns.table.refuse(
+            "the cell is empty; name the row's sample, in every row of it.",
+            row=labels.index(""),
+            column=columns.header("sample"),
+        )
+
+
 def check_time(columns: Columns) -> None:
     """Time runs on within each sample, which has one temperature at a time."""
     if "time" not in columns.numbers:

@@ -139,8 +139,9 @@ def read_hmi(path: str | Path) -> HmiData:
         ignored=columns.ignored,
         lines=table.lines,
     )
+    data = data.without_copies()
     _check_time(columns, data)
-    return data.without_copies()
+    return data
 
 
 def _named(columns: Columns) -> str:
@@ -234,9 +235,18 @@ def _check_time(columns: Columns, data: HmiData) -> None:
     for label in data.labels:
         rows = data.rows_of(label)
         for earlier, later in zip(rows, rows[1:], strict=False):
-            if data.time[later] <= data.time[earlier]:
+            if data.time[later] > data.time[earlier]:
+                continue
+            row = columns.table.lines.index(data.lines[later])
+            if data.time[later] == data.time[earlier]:
                 columns.table.refuse(
-                    f"time does not increase within sonication {label}; sort the rows.", row=later, column=header
+                    f"the time is that of the row before in sonication {label}, of another reading; give time that "
+                    "runs on, or leave one of the two out.",
+                    row=row,
+                    column=header,
                 )
+            columns.table.refuse(
+                f"time does not increase within sonication {label}; sort the rows.", row=row, column=header
+            )
         if data.time[rows[0]] < 0.0:
             columns.table.refuse("time must not be negative.", row=rows[0], column=header)

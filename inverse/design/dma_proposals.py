@@ -12,8 +12,8 @@ from inverse.datasets.dma_checks import SWEEP_GAP
 _DECADE = 10.0
 _A_DECADE = 7
 """Frequencies in a decade that is added."""
-_Set = tuple[float, Float[np.ndarray, " _"]]
-"""Readings at one temperature [degC]: their frequencies in the order in which they are taken [Hz]."""
+_Set = tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]
+"""Readings of one sweep in the order in which they are taken: temperatures [degC] and frequencies [Hz]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,13 +74,13 @@ def dma_proposals(data: DmaData, *, sample: str | None = None, seed: int = 0) ->
     pace, pause = _pace(time, temperature)
 
     def taken(name: str, words: str, sets: Sequence[_Set]) -> DmaProposal:
-        """Sets of readings, each at one temperature, in the order in which they are taken."""
+        """Sets of readings, each of one sweep, in the order in which they are taken."""
         spent = [np.maximum(pace, 1.0 / one) if has_time else np.full(len(one), pace) for _, one in sets]
         for one in spent:
             one[0] += pause
         clock = float(time.max()) + np.cumsum(np.concatenate(spent))
-        each = np.repeat([at for at, _ in sets], [len(one) for _, one in sets])
-        return DmaProposal(name, words, np.concatenate([one for _, one in sets]), each, clock, sample, has_time)
+        each, frequency = (np.concatenate(part) for part in zip(*sets, strict=True))
+        return DmaProposal(name, words, frequency, each, clock, sample, has_time)
 
     low, high = mine.frequency_hz.min(), mine.frequency_hz.max()
     decade = np.geomspace(1.0, _DECADE, _A_DECADE + 1)
@@ -89,31 +89,41 @@ def dma_proposals(data: DmaData, *, sample: str | None = None, seed: int = 0) ->
         taken("again", "the same sweeps once more", visited),
         taken(
             "lower-frequencies", f"one decade of frequencies below {low:.3g} Hz at every temperature",
-            [(at, lower) for at, _ in visited],
+            [_steady(at, lower) for at, _ in visited],
         ),
         taken(
             "higher-frequencies", f"one decade of frequencies above {high:.3g} Hz at every temperature",
-            [(at, higher) for at, _ in visited],
+            [_steady(at, higher) for at, _ in visited],
         ),
         taken(
             "random-order", "the same sweeps once more, frequencies in random order",
-            [(at, rng.permutation(one)) for at, one in visited],
+            [(at[order], one[order]) for at, one in visited for order in [rng.permutation(len(one))]],
         ),
         taken(
             "reversed-temperatures", "the same sweeps once more, from the last temperature back to the first",
             visited[::-1],
         ),
     ]  # fmt: skip
-    warmer = sorted(visited, key=lambda one: one[0])
-    pairs = zip(warmer, warmer[1:], strict=False)
-    between = [(0.5 * (a + b), max(one, other, key=len)) for (a, one), (b, other) in pairs]
-    # Nearer, it would make one sweep of its neighbours.
-    between = [(at, one) for at, one in between if np.min(np.abs(temperature - at)) > SWEEP_GAP]
+    between = _between(visited, temperature)
     if between:
         # As fine as they are: a degree off, it would be one of its neighbours.
-        listed = ", ".join(f"{round(at, 2):g}" for at, _ in between)
+        listed = ", ".join(f"{round(float(at[0]), 2):g}" for at, _ in between)
         found.append(taken("between", f"sweeps at {listed} degC, between those that were measured", between))
     return tuple(found)
+
+
+def _steady(temperature: Float[np.ndarray, " _"], frequency: Float[np.ndarray, " other"]) -> _Set:
+    """Other frequencies at a sweep's mean temperature."""
+    return np.full(len(frequency), np.mean(temperature)), frequency
+
+
+def _between(visited: Sequence[_Set], measured: Float[np.ndarray, " row"]) -> list[_Set]:
+    """Sweeps midway between neighbours, as full as the fuller one."""
+    warmer = sorted(visited, key=lambda one: float(np.mean(one[0])))
+    pairs = zip(warmer, warmer[1:], strict=False)
+    midway = [(0.5 * (np.mean(a) + np.mean(b)), max(one, other, key=len)) for (a, one), (b, other) in pairs]
+    # Nearer, it would make one sweep of its neighbours.
+    return [(np.full(len(one), at), one) for at, one in midway if np.min(np.abs(measured - at)) > SWEEP_GAP]
 
 
 def clock_of(data: DmaData) -> Float[np.ndarray, " row"]:
@@ -128,16 +138,17 @@ def clock_of(data: DmaData) -> Float[np.ndarray, " row"]:
 
 
 def _visits(data: DmaData) -> list[_Set]:
-    """Temperatures of a sample in the order in which they were visited first [degC], frequencies as taken there [Hz].
+    """Sweeps of a sample in the order in which they were begun, each reading at its own temperature.
 
-    A frequency that was read several times at one temperature is there once.
+    A frequency that was read several times in one sweep is there once.
     """
     found = []
     for sweep in group_sweeps(data):
         time = np.asarray(sweep.data.time_s)
         order = np.argsort(time, kind="stable")
         first = np.unique(frequency_groups(sweep.data.frequency_hz)[order], return_index=True)[1]
-        found.append((time.min(), sweep.temperature_c, sweep.data.frequency_hz[order][np.sort(first)]))
+        rows = order[np.sort(first)]
+        found.append((time.min(), sweep.data.temperature_c[rows], sweep.data.frequency_hz[rows]))
     return [(at, frequency) for _, at, frequency in sorted(found, key=lambda one: one[0])]
 
 
@@ -145,5 +156,8 @@ def _pace(time: Float[np.ndarray, " row"], temperature: Float[np.ndarray, " row"
     """Time from one reading to the next, and how much longer it takes to another temperature [s]."""
     order = np.argsort(time, kind="stable")
     steps, other = np.diff(time[order]), np.abs(np.diff(temperature[order])) > SWEEP_GAP
-    pace = float(np.median(steps[~other])) if np.any(~other) else 1.0
+    if np.all(other):
+        # Every reading at another temperature than the one before: how long one takes by itself, nothing says.
+        return (float(np.median(steps)) if len(steps) else 1.0), 0.0
+    pace = float(np.median(steps[~other]))
     return pace, max(float(np.median(steps[other])) - pace, 0.0) if np.any(other) else 0.0

@@ -52,7 +52,8 @@ class HmiProposal:
         (modulation,) = (name for name, each in PUSH_MODULATIONS.items() if each == self.protocol.modulation)
         return {
             "sonication_s": self.protocol.duration,
-            "push_ms": 1e3 * self.protocol.push_duration,
+            # As a person would write it: 0.45, not 0.45000000000000007.
+            "push_ms": float(f"{1e3 * self.protocol.push_duration:.12g}"),
             "push_modulation": modulation,
         }
 

@@ -160,7 +160,8 @@ def dma_problem(
         sweeps: From `group_sweeps`.
         fractional: Whether the order is free; otherwise it is 1.
         with_priors: Wide priors about the size of the data, or none at all.
-        estimate_noise: Whether the deviation of the logarithms is a parameter, too.
+        estimate_noise: Whether the deviation of the logarithms is a parameter, too; where the file states deviations,
+            a factor on them all.
         across: What sweeps differ by, such as "sample", if each constant is drawn from a population common to all of
             them (see `Varying`); None for solids that know nothing of one another.
     """
@@ -178,12 +179,18 @@ def dma_problem(
         free += [entry for constants in entries for entry in constants]
     measurement = dma_measurement(sweeps, of_samples)
     if estimate_noise:
-        measurement = eqx.tree_at(
-            lambda m: m.noise, measurement, NoiseModel(additive=FIRST_DEVIATION), is_leaf=lambda node: node is None
-        )
-        prior = LogUniform(1e-5, 1.0, source=ASSUMED) if with_priors else None
-        free.append(parameter("noise", "noise.dma.additive", "1", prior, transform=LogUniform(1e-5, 1.0).transform))
+        free.append(_noise_parameter(measurement.noise, with_priors))
     return Problem(ParameterSet(tuple(free)), Samples(tuple(solids)), (measurement,))
+
+
+def _noise_parameter(noise: NoiseModel, with_priors: bool) -> Entry:
+    """The size of the noise: of what the file states a factor, as in `fit-dma`, without that one deviation for all."""
+    if noise.known is None:
+        name, place, sizes = "noise", "noise.dma.additive", (1e-5, 1.0)
+    else:
+        name, place, sizes = "noise_scale", "noise.dma.scale", (1e-2, 1e2)
+    prior = LogUniform(*sizes, source=ASSUMED)
+    return parameter(name, place, "1", prior if with_priors else None, transform=prior.transform)
 
 
 def _sizes(sweep: Sweep) -> tuple[float, float, float]:

@@ -111,7 +111,7 @@ def sample_nuts(
         done += chunk
         if file is not None:
             _write(file, problem, settings, state, kept, centre, factor, before + time.monotonic() - begun)
-    return _result(state, kept, settings, before + time.monotonic() - begun)
+    return _result(state, kept, settings, draws, before + time.monotonic() - begun)
 
 
 def _density(problem: Problem, centre: Array, factor: Array) -> Callable[[Float[Array, " n"]], Float[Array, ""]]:
@@ -221,13 +221,17 @@ def _read(
 
 
 def _result(
-    state: _Chains, kept: dict[str, list[np.ndarray]], settings: dict[str, str | int | float], seconds: float
+    state: _Chains,
+    kept: dict[str, list[np.ndarray]],
+    settings: dict[str, str | int | float],
+    asked: int,
+    seconds: float,
 ) -> Draws:
     arrays = {name: np.concatenate(parts, axis=1) for name, parts in kept.items()}
     divergences = int(np.sum(arrays["diverging"]))
     cut = int(np.sum(arrays["tree_depth"] >= int(settings["most_doublings"])))
     count = arrays["unconstrained"].shape[1]
-    message = f"{count} draws of each chain, as asked"
+    message = f"{count} draws of each chain, {'as asked' if count == asked else f'of which {asked} were asked for'}"
     if divergences:
         message += (
             f"; {divergences} trajectories diverged, so that narrow corners of the posterior may be missing: raise "

@@ -272,13 +272,27 @@ def test_what_is_said_of_known_draws():
     assert correlation_noise(5) == pytest.approx(0.98)
 
 
+@pytest.mark.parametrize(
+    ("temperature", "shown"),
+    [
+        ([37.0, 47.0, 57.0, 67.0, 77.0], [37.0, 47.0, 57.0, 67.0, 77.0]),
+        ([37.0, 38.5, 39.5, 41.0, 42.5], [37.0, 39.5, 42.5]),
+        ([36.6, 36.9], [36.6, 36.9]),
+        (list(np.arange(35.0, 51.0)), [35.0, 40.0, 45.0, 50.0]),
+    ],
+)
+def test_a_table_of_bands_has_rows_whatever_the_temperatures(temperature, shown):
+    assert np.asarray(temperature)[variability_report._listed(np.asarray(temperature))].tolist() == shown
+
+
 def test_what_a_table_of_bands_holds(tmp_path):
-    """A row every fifth degree: how many, the median, the middle half and nine tenths, and what is followed most."""
+    """About every fifth degree and at both ends: how many, the median, the middle half and nine tenths, and what is
+    followed most."""
     percent, data = of_known_draws()
     data = data.assign_coords(curve_temperature=[35.0, 42.5, 55.0, 60.0])
     low, lower, median, upper, high = np.quantile(percent[1:6, 3], [0.05, 0.25, 0.5, 0.75, 0.95])
     table = variability_report.rows(data)
-    assert [row[0] for row in table] == ["35", "55", "60"] and table[0][-1] == "-"
+    assert [row[0] for row in table] == ["35", "42.5", "55", "60"] and table[0][-1] == "-"
     bands = (f"{median:.1f}", f"{lower:.1f} to {upper:.1f}", f"{low:.1f} to {high:.1f}")
     assert table[-1] == ("60", "5", *bands, "attenuation of liver, at all temperatures (-1.00)")
     found = variability_report.results(data)

@@ -96,7 +96,8 @@ def _describe(problem: DmaProblem, place: Absorbed) -> str:
     sweep = problem.sweeps[int(problem.conditions.sweep[row])]
     value = float(relative[row, coordinate])
     if coordinate == 0:
-        size = f"the measured magnitude is {abs(100.0 * value):.2g} % {'above' if value > 0 else 'below'} the model"
+        percent = 100.0 * abs(np.expm1(value))
+        size = f"the measured magnitude is {percent:.2g} % {'above' if value > 0 else 'below'} the model"
     else:
         size = f"the measured phase is {abs(1e3 * value):.2g} mrad {'above' if value > 0 else 'below'} the model"
     onset = _onset(problem, relative[:, coordinate])

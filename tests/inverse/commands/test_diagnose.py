@@ -2,6 +2,8 @@
 
 import csv
 import json
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 import inverse
 from arfjax import InputError
 from benchmarks.real_data import errors_from_one_frequency, from_one_frequency, modulus_of
+from inverse.commands import diagnose as command
 from inverse.commands.main import run
 from inverse.datasets.dma import group_sweeps, read_dma
 from inverse.datasets.shipped import shipped
@@ -128,3 +131,35 @@ def test_too_few_frequencies(tmp_path, capsys):
         csv.writer(file).writerow([8.0, 37.0, 1.08e4, 2e3])
     assert run(["diagnose", "--dma", str(path), "--out", str(tmp_path / "out")]) == 2
     assert "or examine the conventional solid (model `zener`)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("further", [["--model", "zener"], ["--trust-units"]])
+def test_what_is_of_a_dma_is_asked_of_the_dma_alone(further, tmp_path, monkeypatch):
+    """Beside curves: those refuse it, which came after minutes."""
+    asked = []
+
+    def stopped(*given, **how):
+        asked.append(how)
+        if "hmi" in how:
+            raise InputError("enough")
+        return SimpleNamespace(write=lambda folder: None)
+
+    monkeypatch.setattr(command, "diagnose", stopped)
+    measured = ["--dma", str(shipped("pyvisco_polymer")), "--hmi", str(shipped("suomi2016_hmi"))]
+    experiment = str(Path(__file__).parents[3] / "examples" / "suomi2016_published.toml")
+    assert run(["diagnose", experiment, *measured, *further, "--out", str(tmp_path / "out")]) == 2
+    of_dma, of_hmi = asked
+    assert not {"hmi", "experiment"} & of_dma.keys()
+    assert not {"model", "trust_units", "dma"} & of_hmi.keys() and of_hmi["experiment"] == Path(experiment)
+    assert (of_dma["model"], of_dma["trust_units"]) == (
+        ("zener", False) if "zener" in further else ("fractional", True)
+    )
+
+
+def test_seeds_are_those_that_every_generator_takes(tmp_path, capsys):
+    data = str(shipped("pyvisco_polymer"))
+    for given in (["diagnose", "--dma"], ["design", "--dma"], ["infer", "--dma"], ["fit-dma"]):
+        assert run([*given, data, "--seed", str(2**32), "--out", str(tmp_path / "out")]) == 2
+        assert "'--seed': Input should be less than or equal to 4294967295" in capsys.readouterr().err
+    with pytest.raises(InputError, match="`seed` must be 0 to 4294967295, got 4294967296"):
+        inverse.diagnose(data, seed=2**32)

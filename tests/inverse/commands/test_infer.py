@@ -14,12 +14,13 @@ from inverse.commands.infer import Across
 from inverse.commands.infer import _sweeps as infer_command_sweeps
 from inverse.commands.infer_report import parameter_rows, report, results, write_parameters
 from inverse.commands.main import run
+from inverse.datasets.dma import group_sweeps, read_dma
 from inverse.datasets.shipped import shipped
 from inverse.fast_hmi import Verification
 from inverse.inference.dma import dma_problem
 from inverse.inference.experiment import _SCALED
 from inverse.inference.profile import Stop
-from inverse.sampling import Evidence, diagnose_draws, load_posterior
+from inverse.sampling import Draws, Evidence, diagnose_draws, load_posterior
 from inverse.study import Effort, Sampler, infer
 from tests.inverse.sampling.conjugate import conjugate_problem, exact_posterior
 from tests.inverse.sampling.test_evidence import exact_draws
@@ -283,3 +284,18 @@ def test_constants_of_a_sweep_with_their_posterior(tmp_path, capsys):
     np.testing.assert_array_equal(again, first)
     assert run([*arguments, "--seed", "1"]) == 2
     assert "seed" in capsys.readouterr().err
+
+
+def test_every_column_of_a_population_is_in_the_figure_of_pairs(studied, tmp_path, monkeypatch):
+    """Middle, spread and one of each sweep: none of them has the name of the constant."""
+    sweeps = [sweep for sweep in group_sweeps(read_dma(POLYMER)) if sweep.temperature_c > 90.0]
+    problem = dma_problem(sweeps[:2], fractional=False, across="temperature", estimate_noise=False)
+    count = len(problem.parameters.columns)
+    assert len(problem.parameters.entries) == 3 < count <= 12
+    u = np.asarray(problem.start) + 0.01 * np.random.default_rng(0).normal(size=(2, 60, problem.parameters.size))
+    draws = Draws(u, np.zeros((2, 60)), {}, "test 1.0", 7, {}, True, "as asked", 120, 1.5)
+    drawn = {}
+    monkeypatch.setattr(command, "write_figures", lambda folder, figures: drawn.update(figures) or list(figures))
+    command._write_posterior(tmp_path, dataclasses.replace(studied, problem=problem, draws=draws), {}, 7)
+    labels = [axis.get_xlabel() for axis in drawn["corner"].axes if axis.get_xlabel()]
+    assert len(labels) == count

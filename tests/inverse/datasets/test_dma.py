@@ -182,6 +182,10 @@ BAD = {
         f"{HEADER},storage_modulus_sd_pa,loss_modulus_sd_pa\n1,37,1500,200,0,5\n2,37,1500,200,5,5\n",
         "storage modulus sd 0 must be positive",
     ),
+    "sample in its first row": (
+        f"{HEADER},sample\n1,37,1500,200,a\n2,37,1600,200,\n1,37,1500,200,b\n",
+        "line 3, column 'sample': the cell is empty; name the row's sample, in every row of it",
+    ),
     "open quotation": (f'{HEADER}\n1,37,"1500,200\n2,37,1500,200\n', "quotation mark"),
 }
 

@@ -147,7 +147,10 @@ BAD = {
     "micrometres as metres": ("temperature_c,displacement_m\n37,2.5\n50,2.4\n", "not one of HMI"),
     "negative time": ("time_s,displacement_um\n-1,2\n5,2\n", "line 2, column 'time_s': time must not be negative"),
     "time runs back": (TIMES + "59,2\n", "line 5, column 'time_s': time does not increase within sonication 1"),
-    "time stands still": (TIMES + "60,2\n", "time does not increase"),
+    "time stands still": (
+        TIMES + "60,1.9\n",
+        "line 5, column 'time_s': the time is that of the row before in sonication 1, of another reading; give time",
+    ),
     "zero deviation": (ONE_SD.format("displacement_um_sd", 0), "line 2, column 'displacement_um_sd'"),
     "negative deviation": (ONE_SD.format("displacement_um_sd", -1), "a standard deviation must be positive"),
     "deviation in another unit": (ONE_SD.format("displacement_percent_sd", 1), "call the column 'displacement_um_sd'"),
@@ -195,3 +198,15 @@ def test_damaged_files_are_read_or_refused_in_one_line(tmp_path):
             else:
                 assert np.all(np.isfinite(data.displacement)) and len(data.displacement) > 1
     assert refused > 100
+
+
+def test_a_row_that_is_written_twice_is_one_with_times_as_without(tmp_path):
+    """Times that stand still are of another reading; a copy is none, wherever it stands."""
+    path = tmp_path / "hmi.csv"
+    path.write_text("time_s,displacement_um\n0,10\n5,9\n5,9\n10,8\n0,10\n")
+    data = read_hmi(path)
+    np.testing.assert_array_equal(data.time, [0.0, 5.0, 10.0])
+    assert data.n_copies == 2 and data.lines == (2, 3, 5)
+    path.write_text("time_s,displacement_um\n0,10\n5,9\n5,9\n10,8\n9,7\n")
+    with pytest.raises(InputError, match=r"line 6, column 'time_s': time does not increase within sonication 1"):
+        read_hmi(path)

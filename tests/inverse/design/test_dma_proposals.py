@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from inverse.datasets.dma import dma_data
+from inverse.datasets.dma import dma_data, group_sweeps
 from inverse.datasets.dma_checks import SWEEP_GAP
 from inverse.design.dma_proposals import dma_proposals
 
@@ -57,9 +57,37 @@ def test_a_sweep_whose_temperature_wanders_is_one():
     data = dataclasses.replace(
         sweeps(20.0, 40.0), temperature_c=np.concatenate([19.2 + 0.3 * np.arange(6.0), np.full(6, 40.0)])
     )
-    again = proposed(data)["again"]
+    found = proposed(data)
+    again = found["again"]
     assert len(again) == 12
-    np.testing.assert_allclose(np.unique(again.temperature), [19.95, 40.0])
+    # Each frequency where it was read: at the mean it would be far from itself, and no part of its sweep.
+    np.testing.assert_array_equal(again.temperature, data.temperature_c)
+    np.testing.assert_allclose(np.unique(found["higher-frequencies"].temperature), [19.95, 40.0])
+    np.testing.assert_allclose(np.unique(found["between"].temperature), 29.975)
+
+
+def test_every_proposal_can_be_joined_with_sweeps_that_drift():
+    """By 5 K in each: read at their mean, frequencies would be 2.5 K from themselves."""
+    data = dataclasses.replace(
+        sweeps(20.0, 40.0, 60.0), temperature_c=(np.array([[20.0], [40.0], [60.0]]) + 0.99 * np.arange(6.0)).ravel()
+    )
+    for one in proposed(data, seed=3).values():
+        both = dma_data(
+            np.append(data.frequency_hz, one.frequency), np.append(data.temperature_c, one.temperature),
+            np.full(len(data) + len(one), 1e4),
+        )  # fmt: skip
+        assert len(group_sweeps(both)) == (5 if one.name == "between" else 3)
+        for frequency, temperature in zip(one.frequency, one.temperature, strict=True):
+            same = data.temperature_c[data.frequency_hz == frequency]
+            assert one.name == "between" or not len(same) or temperature in same
+
+
+def test_the_pace_is_that_of_all_readings_where_temperature_changes_from_row_to_row():
+    """All temperatures at one frequency, then at the next: a minute each."""
+    data = dma_data(np.repeat(FREQUENCY, 5), np.tile([20.0, 30.0, 40.0, 50.0, 60.0], 6), np.full(30, 1e4))
+    found = proposed(dataclasses.replace(data, time_s=60.0 * np.arange(30.0)))["again"]
+    np.testing.assert_array_equal(np.diff(found.time), 60.0)
+    assert found.time[0] == 30.0 * 60.0 and found.seconds == 29.0 * 60.0
 
 
 @pytest.mark.parametrize("step", [2.5, 3.5, 5.0, 7.3])

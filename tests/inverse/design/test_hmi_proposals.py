@@ -65,3 +65,9 @@ def test_words_say_what_is_another_than_usual():
     assert usual["hotter"].words == "a sonication to 83 degC"
     assert usual["not-coagulating"].words == "a sonication that ends at 50 degC"
     assert usual["around-coagulation"].words == "a sonication that ends at 60 degC, read from 48 degC on only"
+
+
+@pytest.mark.parametrize("push", [0.45, 0.65, 0.1])
+def test_a_push_stands_in_an_experiment_file_as_a_person_writes_it(push):
+    """0.45 ms, where 1e3 x 0.45e-3 is 0.45000000000000007."""
+    assert names(push_duration=1e-3 * push)["again"].keys["push_ms"] == push

@@ -236,6 +236,8 @@ def test_so_cold_that_nothing_dries_drying_does_nothing():
         ),
         # Neither from some temperature on where it is there from the first, nor where it is at one alone.
         (0, -0.03, (0, 1, 2), "the measured magnitude is 3 % below the model at most, at 100 Hz (60.0 degC)"),
+        # Of magnitudes the logarithm is seen: a tenth as large is 90 % below, ten times as large 900 above.
+        (0, -np.log(10.0), (0, 1, 2), "the measured magnitude is 90 % below the model at most, at 100 Hz (60.0 degC)"),
         (0, 0.03, (1,), "the measured magnitude is 2.4 % above the model at most, at 100 Hz (40.0 degC)"),
     ],
 )

@@ -9,6 +9,7 @@ import pytest
 from matplotlib.colors import same_color
 
 import inverse
+from arfjax import InputError
 from inverse.commands.diagnose import _show
 from inverse.design.design import Design
 from inverse.design.separation import separation
@@ -204,7 +205,12 @@ def test_the_terminal_shows_strength_and_interval_of_the_likeliest_cause(told, f
 
 
 @pytest.mark.parametrize(
-    ("then", "said"), [(0.9, "a rough grip (70 -> 90 %)"), (0.6, "none of the measurements rated")]
+    ("then", "said"),
+    [
+        (0.9, "a rough grip (70 % -> 90 %)"),
+        (0.997, "a rough grip (70 % -> more than 99 %)"),
+        (0.6, "none of the measurements rated"),
+    ],
 )
 def test_the_terminal_says_which_measurement_would_tell_them_apart(told, found, capsys, then, said):
     apart = {"probability_right": 0.7, "measurement": {"words": "a rough grip", "probability_right": then}}
@@ -243,3 +249,14 @@ def test_a_measurement_is_looked_for_where_each_of_several_explains_the_data_alo
     assert wanted == ([] if asked is None else [asked]) and answer.remarks == ("a remark",)
     said = [] if asked is None else [asked]
     assert [one["causes"] for one in answer.content["separation"]] == said and (answer.design is None) == (not said)
+
+
+def test_a_diagnosis_stands_where_no_further_measurement_can_be_designed(found):
+    def design(names):
+        raise InputError("sweeps cannot be told apart.")
+
+    asked_for = _Asked((), 0.05, 0, False, True, lambda _: None)
+    answer = asked_for.answered(concluded(found, ("slip",), ("drying",)), "these data", ("a remark",), design)
+    said = "Which measurement would tell them apart is not known: sweeps cannot be told apart."
+    assert answer.remarks == ("a remark", said) and said in answer.content["notes"]
+    assert answer.content["separation"] == [] and answer.design is None and answer.verdict == "confusable"

@@ -11,7 +11,7 @@ from arfjax import FractionalZener, complex_modulus, read_experiment
 from inverse.datasets.dma import dma_data, group_sweeps
 from inverse.datasets.hmi import HmiData
 from inverse.datasets.shipped import shipped
-from inverse.inference.dma import FIRST_DEVIATION, dma_measurement, of_liver
+from inverse.inference.dma import FIRST_DEVIATION, dma_measurement, dma_problem, of_liver
 from inverse.inference.experiment import (
     ParameterSection,
     PriorSection,
@@ -179,3 +179,21 @@ def test_the_scatter_of_sweeps_is_free_with_an_experiment():
     # Deviations that come with the file are taken as they are.
     known = dma_measurement(group_sweeps(data), of_liver, noise=NoiseModel(known=jnp.full(400, 0.05)))
     assert "dma_noise" not in inference_problem(settings, model, (known,)).parameters.names
+
+
+def test_deviations_that_a_file_states_are_scaled_and_not_replaced():
+    """Half a percent in each of fourteen readings but one, which states fifty and is that far off."""
+    frequency = np.geomspace(0.1, 300.0, 14)
+    modulus = np.array(complex_modulus(FractionalZener(2e3, 7e3, 1e-3, 0.6), 2.0 * np.pi * frequency))
+    share = np.where(np.arange(14) == 3, 0.5, 0.005)
+    modulus[3] *= 1.5
+    both = np.stack([modulus.real, modulus.imag], axis=1)
+    deviations = {"storage_modulus_sd": share * np.abs(modulus), "loss_modulus_sd": share * np.abs(modulus)}
+    data = dataclasses.replace(dma_data(frequency, np.full(14, 37.0), both), **deviations)
+    problem = dma_problem(group_sweeps(data))
+    assert problem.parameters.names[-1] == "noise_scale" and problem.measurements[0].noise.known is not None
+    relaxed = fit(problem).values[0]
+    np.testing.assert_allclose(relaxed, 2e3, rtol=1e-3)
+    plain = dma_problem(group_sweeps(dma_data(frequency, np.full(14, 37.0), both)))
+    assert plain.parameters.names[-1] == "noise" and plain.measurements[0].noise.known is None
+    assert abs(fit(plain).values[0] - 2e3) > 50.0

@@ -205,14 +205,15 @@ def test_trajectories_that_broke_down_or_were_cut_are_counted(problem):
     kept["energy"] = np.zeros((2, 5))
     moves = nuts._Chains(None, jnp.asarray([0.5, 0.7]), jnp.zeros((2, 3, 3)))
     settings = {"seed": 3, "most_doublings": 10}
-    drawn = nuts._result(moves, {name: [values] for name, values in kept.items()}, settings, 1.0)
+    drawn = nuts._result(moves, {name: [values] for name, values in kept.items()}, settings, 4, 1.0)
+    assert drawn.message.startswith("5 draws of each chain, of which 4 were asked for; ")
     assert not drawn.finished and drawn.divergences == 1 and drawn.seed == 3
     assert "; 1 trajectories diverged" in drawn.message
     assert "; 2 trajectories were cut short at 10 doublings" in drawn.message
     assert drawn.evaluations == np.sum(2**depth) and drawn.settings["step_size"] == pytest.approx(0.6)
     whole = {name: [np.minimum(values, 9) if name == "tree_depth" else values] for name, values in kept.items()}
     whole["diverging"] = [np.zeros((2, 5), dtype=bool)]
-    sound = nuts._result(moves, whole, settings, 1.0)
+    sound = nuts._result(moves, whole, settings, 5, 1.0)
     assert sound.finished and sound.message == "5 draws of each chain, as asked"
 
 
