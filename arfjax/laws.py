@@ -9,6 +9,7 @@ Outside that range a law still gives its value and tells the caller: evaluated e
 """
 
 import abc
+import dataclasses
 import math
 import warnings
 
@@ -176,7 +177,41 @@ class Tabulated(TemperatureLaw):
         return jnp.interp(jnp.asarray(temperature, dtype=float), self.temperatures, self.values)
 
 
-class Scaled(TemperatureLaw):
+class Composed(TemperatureLaw):
+    """A law made of other laws: their ranges hold beside its own, so that one that is wrapped runs away no more."""
+
+    def held(self, temperature: Temperature, dose: Temperature) -> Scalar | Float[Array, "..."]:
+        """As `after`, with the temperature held at the ends of its own range and every law within at those of its."""
+        # Through `after` of whatever class this is, so that one that overrides it has all that it does here, too.
+        inside = {name: _Held(law, unit=law.unit, source=law.source) for name, law in self._within().items()}
+        held = dataclasses.replace(self, **inside)
+        return held.after(jnp.clip(jnp.asarray(temperature, dtype=float), *self.valid_range), dose)
+
+    def outside_range(self, temperature: Temperature) -> str | None:
+        """Also when a temperature [degC] is outside the range of a law within."""
+        messages = (law.outside_range(temperature) for law in self._within().values())
+        return super().outside_range(temperature) or next(filter(None, messages), None)
+
+    def _within(self) -> dict[str, TemperatureLaw]:
+        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return {name: law for name, law in fields.items() if isinstance(law, TemperatureLaw)}
+
+
+class _Held(TemperatureLaw):
+    """Another law, held at the ends of its range."""
+
+    law: TemperatureLaw
+
+    def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
+        """The law before any dose."""
+        return self.law.held(temperature, 0.0)
+
+    def after(self, temperature: Temperature, dose: Temperature) -> Scalar | Float[Array, "..."]:
+        """The law after a dose."""
+        return self.law.held(temperature, dose)
+
+
+class Scaled(Composed):
     """Another law times a factor."""
 
     law: TemperatureLaw
@@ -191,7 +226,7 @@ class Scaled(TemperatureLaw):
         return self.factor * self.law.after(temperature, dose)
 
 
-class Shifted(TemperatureLaw):
+class Shifted(Composed):
     """Another law plus a constant."""
 
     law: TemperatureLaw
@@ -206,7 +241,7 @@ class Shifted(TemperatureLaw):
         return self.law.after(temperature, dose) + self.shift
 
 
-class ScaledRise(TemperatureLaw):
+class ScaledRise(Composed):
     """Another law, of which the rise that heat makes is multiplied.
 
     Above a reference temperature that is the rise above fresh tissue of that temperature; below it, the rise that dose
@@ -230,7 +265,7 @@ class ScaledRise(TemperatureLaw):
         return value + (self.factor - 1.0) * jnp.maximum(jnp.asarray(value - fresh), 0.0)
 
 
-class Coagulating(TemperatureLaw):
+class Coagulating(Composed):
     """One law for fresh tissue, another for coagulated tissue, and between them the share that has coagulated.
 
     Attributes:
@@ -254,11 +289,6 @@ class Coagulating(TemperatureLaw):
         share = coagulated_fraction(dose, self.threshold, width=self.width)
         fresh, coagulated = self.fresh.after(temperature, dose), self.coagulated.after(temperature, dose)
         return fresh + share * (coagulated - fresh)
-
-    def outside_range(self, temperature: Temperature) -> str | None:
-        """Also when a temperature [degC] is outside the range of one of the two laws."""
-        messages = (law.outside_range(temperature) for law in (self.fresh, self.coagulated))
-        return super().outside_range(temperature) or next(filter(None, messages), None)
 
 
 def coagulated_fraction(damage: Temperature, threshold: Scalar, *, width: Scalar) -> Float[Array, "..."]:

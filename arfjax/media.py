@@ -193,10 +193,14 @@ def _check_zener(solid: Zener | FractionalZener) -> None:
     _check("unrelaxed_modulus", solid.unrelaxed_modulus, "Pa")
     _check("relaxation_time", solid.relaxation_time, "s", largest=np.inf)
     both = [solid.relaxed_modulus, solid.unrelaxed_modulus]
-    if all(_is_numeric(each) for each in both) and np.any(np.asarray(both[1]) < np.asarray(both[0])):
+    if not all(_is_numeric(each) for each in both):
+        return
+    relaxed, unrelaxed = np.broadcast_arrays(*both)
+    below = unrelaxed < relaxed
+    if np.any(below):
         raise InputError(
             "`unrelaxed_modulus` must not be below `relaxed_modulus`, or the solid would make energy, got "
-            f"{np.min(both[1]):g} and {np.max(both[0]):g} Pa. Have they changed places?"
+            f"{unrelaxed[below][0]:g} and {relaxed[below][0]:g} Pa. Have they changed places?"
         )
 
 

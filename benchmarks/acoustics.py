@@ -76,7 +76,7 @@ class Plan:
     repeats: int = 9
 
 
-_TINY = MarchSettings(n_harmonics=4, n_radial=112, axial_step=4e-3, start_plane=12e-3, n_quadrature=256)
+_TINY = MarchSettings(n_harmonics=5, n_radial=112, axial_step=4e-3, start_plane=12e-3, n_quadrature=256)
 QUICK = Plan(
     case=[AcousticLayer(layers()[0].medium, MUSCLE_END), AcousticLayer(layers()[-1].medium, LENGTH - MUSCLE_END)],
     powers=(50,),
@@ -86,7 +86,7 @@ QUICK = Plan(
     precisions=("float32",),
     references=("T3",),
     checkpoints=(1,),
-    harmonics=(4, 8),
+    harmonics=(5, 8),
     radial=(),
     layers=(),
     batches=(2,),

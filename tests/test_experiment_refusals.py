@@ -160,7 +160,7 @@ WRONG = {
         ("acoustic_power_w = 50.0", "source_pressure_kpa = 217114.0"),
         "`transducer.source_pressure_kpa`: expected 0.01 to 100000 kPa, got 217114; is it in pascal?",
     ),
-    "too few harmonics": (acoustics("harmonics = 2"), "`acoustics.harmonics`: expected 4 to 1024 harmonics, got 2"),
+    "too few harmonics": (acoustics("harmonics = 2"), "`acoustics.harmonics`: expected 5 to 1024 harmonics, got 2"),
     "too many harmonics": (acoustics("harmonics = 5000"), "got 5000; leave it out and they are chosen by `tolerance`"),
     "half a harmonic": (acoustics("harmonics = 32.5"), "`acoustics.harmonics`: expected a whole number, got 32.5"),
     "harmonics of linear sound": (

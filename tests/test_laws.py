@@ -16,6 +16,9 @@ from arfjax.laws import (
     Linear,
     NormalisedPolynomial,
     PolynomialThrough,
+    Scaled,
+    ScaledRise,
+    Shifted,
     Tabulated,
     extrapolations,
 )
@@ -150,6 +153,66 @@ def test_coagulating_speaks_for_the_laws_within():
         law(80.0, 300.0)
     (message,) = extrapolations({"attenuation": law}, np.asarray([37.0, 80.0]))
     assert message.startswith("model['attenuation']: extrapolated to 80 degC;")
+
+
+def ranged():
+    return Linear(2.0, 0.5, 40.0, valid_range=(5.0, 70.0), **LABELS)
+
+
+def wrapped(law):
+    """Every law of another law, with its value where that one's is 7 at 50 and 17 at 70 degC, and 2 before heat."""
+    flat = Constant(1.0, **LABELS)
+    return {
+        "scaled": (Scaled(law, 2.0, **LABELS), lambda value: 2.0 * value),
+        "shifted": (Shifted(law, 3.0, **LABELS), lambda value: value + 3.0),
+        "risen": (ScaledRise(law, 1.5, 40.0, **LABELS), lambda value: 2.0 + 1.5 * (value - 2.0)),
+        "fresh": (Coagulating(law, flat, 240.0, 0.25, **LABELS), lambda value: 0.5 * (value + 1.0)),
+        "coagulated": (Coagulating(flat, law, 240.0, 0.25, **LABELS), lambda value: 0.5 * (value + 1.0)),
+    }
+
+
+@pytest.mark.parametrize("name", wrapped(ranged()))
+def test_a_wrapped_law_is_held_at_its_own_range(name):
+    law, value = wrapped(ranged())[name]
+    held = law.held(jnp.asarray([50.0, 70.0, 90.0]), 240.0)
+    np.testing.assert_allclose(held, value(np.asarray([7.0, 17.0, 17.0])), rtol=1e-12)
+    np.testing.assert_allclose(law.held(50.0, 240.0), law.after(50.0, 240.0), rtol=1e-15)
+    # Followed, not held, where it is only evaluated; and said, whatever the wrapper says of itself.
+    assert float(law.after(90.0, 240.0)) == pytest.approx(value(27.0), rel=1e-12)
+    assert law.outside_range(70.0) is None
+    assert "extrapolated to 90 degC" in law.outside_range(90.0)
+    # Another wrapper around it changes nothing of that.
+    twice = Scaled(law, 1.0, **LABELS)
+    np.testing.assert_allclose(twice.held(90.0, 240.0), held[-1], rtol=1e-15)
+    assert twice.outside_range(90.0) == law.outside_range(90.0)
+
+
+def test_a_wrapper_of_a_narrower_range_is_held_there():
+    law = Scaled(ranged(), 2.0, valid_range=(5.0, 50.0), **LABELS)
+    assert float(law.held(90.0, 0.0)) == pytest.approx(14.0, rel=1e-15)
+    assert "covers 5 to 50 degC" in law.outside_range(60.0)
+
+
+def test_gradients_through_a_held_wrapper():
+    def value(p):
+        inner = Linear(2.0, p["slope"], 40.0, valid_range=(5.0, 70.0), **LABELS)
+        law = Scaled(Coagulating(inner, Shifted(inner, p["shift"], **LABELS), 240.0, 0.25, **LABELS), 1.5, **LABELS)
+        return jnp.sum(law.held(p["temperature"], 200.0))
+
+    at = {"slope": 0.5, "shift": 3.0, "temperature": jnp.asarray([55.0, 90.0])}
+    assert_gradient(value, at)
+    slopes = jax.grad(value)(at)["temperature"]
+    assert float(slopes[0]) > 0.0 and float(slopes[1]) == 0.0
+
+
+def test_what_a_subclass_makes_of_its_law_holds_beyond_the_range_too():
+    class Positive(Shifted):
+        def after(self, temperature, dose):
+            return jnp.maximum(super().after(temperature, dose), 0.0)
+
+    falling = Linear(2.0, -0.1, 40.0, valid_range=(5.0, 70.0), **LABELS)
+    law = Positive(falling, 0.5, **LABELS)
+    np.testing.assert_allclose(law.held(jnp.asarray([40.0, 60.0, 90.0]), 0.0), [2.5, 0.5, 0.0], atol=1e-15)
 
 
 def test_polynomial_through_values_is_the_polynomial():

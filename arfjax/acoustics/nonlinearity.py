@@ -25,7 +25,7 @@ from jaxtyping import Array, Complex, Float
 from arfjax.media import AcousticMedium, Scalar
 from arfjax.numerics.fourier import fast_length
 
-FEWEST_HARMONICS = 4
+FEWEST_HARMONICS = 5
 """With fewer the upper half, where the sensor looks for a shock, would hold the second harmonic of any wave."""
 
 _DISSIPATION = 3.0

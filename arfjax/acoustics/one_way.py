@@ -232,8 +232,8 @@ def _convergence(
 ) -> Convergence:
     highest = jnp.max(whole.observed, axis=0)
     return Convergence(
-        harmonics=highest[1] / highest[0],
-        radial=highest[2] / highest[0],
+        harmonics=_share(highest[1], highest[0]),
+        radial=_share(highest[2], highest[0]),
         axial=_axial_error(problem, settings, start, interfaces, end, whole.end),
         shock_fraction=highest[3],
         courant_number=highest[4],
@@ -255,7 +255,13 @@ def _axial_error(
     other = _solve(problem, coarse, start, interfaces, np.zeros(1), np.asarray([end])).end
     weights = constant(np.sqrt(hankel_basis(settings.n_radial, settings.domain_radius).norms))[:, None]
     weights = weights * jnp.arange(1, settings.n_harmonics + 1, dtype=float)[None]
-    return jnp.linalg.norm(weights * (fine - other)) / (3.0 * jnp.linalg.norm(weights * fine))
+    return _share(jnp.linalg.norm(weights * (fine - other)), 3.0 * jnp.linalg.norm(weights * fine))
+
+
+def _share(part: Array, whole: Array) -> Array:
+    """Part of a whole, none of nothing: without power nothing sounds, and nothing is in error."""
+    silent = whole == 0.0
+    return jnp.where(silent, 0.0, part / jnp.where(silent, 1.0, whole))
 
 
 def _local(

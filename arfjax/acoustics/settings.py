@@ -10,7 +10,7 @@ class MarchSettings(eqx.Module):
     """Discretisation of the march. The defaults are for about 1 MHz in water and a bowl of up to 40 mm radius.
 
     Attributes:
-        n_harmonics: Harmonics that are carried, the fundamental counted; 1 for linear sound, else 4 or more.
+        n_harmonics: Harmonics that are carried, the fundamental counted; 1 for linear sound, else 5 or more.
         n_radial: Terms of the Bessel series; pi n_radial / domain_radius must exceed the wavenumber.
         domain_radius: Where the series ends [m].
         axial_step: Longest step [m]; the default is a quarter of a wavelength at 1.1 MHz in water.
@@ -28,7 +28,7 @@ class MarchSettings(eqx.Module):
         steps_per_checkpoint: See `march`: more save memory in the reverse mode.
 
     Raises:
-        InputError: if there are 2 or 3 harmonics, a count is below 1, or a length makes no sense.
+        InputError: if there are 2 to 4 harmonics, a count is below 1, or a length makes no sense.
     """
 
     n_harmonics: int = eqx.field(static=True, default=1)

@@ -31,7 +31,7 @@ from arfjax.protocols.heated_tissue import force_on, heated_solid, lesion_of, sh
 from arfjax.protocols.probing import Probe, ShortPush, SteadyShaking, on_axis_at
 from arfjax.protocols.sonication import Sonication, SonicationResult, sonication_field
 from arfjax.protocols.stepwise import StepwiseProtocol, layered_field, run_stepwise
-from arfjax.protocols.transient import TissueState, solid_of, tissue_states
+from arfjax.protocols.transient import ROUNDING, TissueState, solid_of, tissue_states
 
 _Force = Callable[[TissueState], Float[Array, "rq zq"]]
 _Solid = Callable[[TissueState], Solid]
@@ -131,15 +131,21 @@ def protocol_ladder(
 def states_when(heated: SonicationResult, temperatures: Float[Array, " step"]) -> TissueState:
     """What heat has done when the focus first reaches each temperature [degC], linear between output times.
 
-    NaN for temperatures that are not reached.
+    NaN for temperatures that are not reached, or below that of the start, but for rounding.
     """
     states = tissue_states(heated)
+    first, last = states.focal[0], states.focal[-1]
 
     def state_at(temperature: Scalar) -> TissueState:
-        after = jnp.clip(jnp.argmax(states.focal >= temperature), 1, len(states.focal) - 1)
+        reached = states.focal >= temperature
+        after = jnp.where(jnp.any(reached), jnp.clip(jnp.argmax(reached), 1), len(states.focal) - 1)
         low, high = states.focal[after - 1], states.focal[after]
         weight = (temperature - low) / jnp.where(high > low, high - low, 1.0)
-        weight = jnp.where((weight >= 0.0) & (weight <= 1.0), weight, jnp.nan)
+        # Of uniform tissue the focal temperature, an interpolation, is that of the start to rounding only. No `clip`,
+        # which halves the derivative at its ends.
+        weight = jnp.where(weight < 0.0, 0.0, jnp.where(weight > 1.0, 1.0, weight))
+        inside = (temperature >= first - ROUNDING) & (temperature <= last + ROUNDING)
+        weight = jnp.where(inside, weight, jnp.nan)
         return jax.tree.map(lambda values: values[after - 1] + weight * (values[after] - values[after - 1]), states)
 
     return jax.vmap(state_at)(temperatures)

@@ -33,7 +33,7 @@ from arfjax.protocols.sonication import (
 from arfjax.thermal.bioheat import TemperatureHistory
 from arfjax.thermal.feedback import Exposure, movement
 
-_ROUNDING = 1e-6
+ROUNDING = 1e-6
 """Rounding of a temperature [K]."""
 
 
@@ -200,7 +200,7 @@ def value_when(course: Float[Array, " time"], values: Float[Array, " time"], lev
     rise = course[after] - course[before]
     weight = jnp.where(after > 0, (level - course[before]) / jnp.where(after > 0, rise, 1.0), 0.0)
     value = values[before] + weight * (values[after] - values[before])
-    return jnp.where(jnp.any(reached) & (level > course[0] - _ROUNDING), value, jnp.nan)
+    return jnp.where(jnp.any(reached) & (level > course[0] - ROUNDING), value, jnp.nan)
 
 
 def _probed(

@@ -20,7 +20,14 @@ from arfjax import (
 from arfjax.io import transient_dataset, write_netcdf
 from arfjax.numerics.compiled import compiled
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.notes import WATCHED, assumed_notes, boiling_notes, sound_notes
+from inverse.commands.notes import (
+    WATCHED,
+    assumed_notes,
+    boiling_notes,
+    heated_range_notes,
+    lesion_range_notes,
+    sound_notes,
+)
 from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _HOTTEST_RESOLVED = 85.0  # degC; what the elements of steady shaking are chosen for
@@ -72,6 +79,8 @@ def monitor_command(
         curves.to_dataframe().to_csv(folder / "curves.csv")
         figures = write_figures(folder, {"monitoring": arfjax.figures.draw_monitoring(data)})
         notes = assumed + boiling_notes(result.sonication.boiling_time)
+        notes += lesion_range_notes(model, result.sonication)
+        notes += heated_range_notes(model, described, settings, result.sonication)
         notes += sound_notes(settings, *(phase.relative_power for phase in described.sonication.phases))
         (folder / "report.md").write_text(_report(data, figures, notes), encoding="utf-8")
         write_summary(

@@ -3,7 +3,19 @@
 import math
 from typing import SupportsFloat
 
-from arfjax import Discretisation, Experiment
+import numpy as np
+
+from arfjax import (
+    DamageEdge,
+    Discretisation,
+    DoseSize,
+    Experiment,
+    Model,
+    SonicationResult,
+    extrapolations,
+    range_notes,
+)
+from arfjax.thermal.damage import LETHAL_DOSE_MINUTES
 
 WATCHED = ("sonication", "monitoring", "mechanics", "lesion")
 """Sections that a sonication with its displacement comes from."""
@@ -34,6 +46,45 @@ def boiling_notes(boiling_time: SupportsFloat) -> list[str]:
     if math.isnan(time):
         return []
     return [f"tissue reaches 100 degC at {time:g} s: it would boil, which is not simulated; do not trust what follows."]
+
+
+def heated_range_notes(
+    model: Model, described: Experiment, settings: Discretisation, result: SonicationResult
+) -> list[str]:
+    """Laws of the layers beyond their range, over all temperatures that a sonication makes in them."""
+    temperature, owner, found = np.asarray(result.temperature), np.asarray(settings.layer_of_cell), []
+    for index in sorted(set(settings.layer_of_cell)):
+        inside = temperature[:, :, owner == index]
+        found += extrapolations(model.layers[index].tissue, inside, name=described.layers[index].tissue)
+    lead = "for the field, attenuation and sound speed are held at the ends of the ranges named here:"
+    return [lead, *found] if found else []
+
+
+def lesion_range_notes(model: Model, result: SonicationResult) -> list[str]:
+    """Laws of the lesion beyond their range, over what its tissue remembers: the hottest so far.
+
+    That of the focus where the lesion is an ellipsoid, that of each cell where it has the shape of the dose.
+    """
+    lethal = np.asarray(result.lesion.length) > 0.0
+    hottest = np.maximum.accumulate(np.asarray(result.focal_temperature))[lethal]
+    if isinstance(model.lesion.edge, DamageEdge):
+        cells = np.maximum.accumulate(np.asarray(result.temperature), axis=0)
+        size = model.lesion.size
+        threshold = size.threshold if isinstance(size, DoseSize) else LETHAL_DOSE_MINUTES
+        hottest = cells[np.asarray(result.dose) >= float(threshold)]
+    return extrapolations(model.lesion, hottest, name="lesion")
+
+
+def central_range_notes(model: Model, focal_temperature: np.ndarray, lesion_length: np.ndarray) -> list[str]:
+    """Laws of liver and lesion beyond their range, in the run of the central constants.
+
+    Args:
+        model: With those constants.
+        focal_temperature: Of that run [degC].
+        lesion_length: At the same times or temperatures [m].
+    """
+    hottest = np.maximum.accumulate(np.asarray(focal_temperature))
+    return [f"with the central constants, {note}" for note in range_notes(model, hottest, np.asarray(lesion_length))]
 
 
 def sound_notes(settings: Discretisation, *factors: float) -> list[str]:

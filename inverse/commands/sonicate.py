@@ -20,7 +20,6 @@ from arfjax import (
     Model,
     SonicationResult,
     TemperatureHistory,
-    extrapolations,
     lesion_size,
     read_experiment,
     smoothed_lesion_size,
@@ -30,7 +29,7 @@ from arfjax import (
 from arfjax.io import field_dataset, sonication_dataset, write_netcdf
 from arfjax.numerics.compiled import compiled
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.notes import assumed_notes, boiling_notes, sound_notes
+from inverse.commands.notes import assumed_notes, boiling_notes, heated_range_notes, sound_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _SHOWN_RADIUS = 8e-3  # m
@@ -151,13 +150,7 @@ def notes_on(model: Model, described: Experiment, settings: Discretisation, resu
         notes.append(
             f"the border of the grid warms by {border:.1f} K beside walls that are held; the walls cool the focus."
         )
-    owner, found = np.asarray(settings.layer_of_cell), []
-    for index in sorted(set(settings.layer_of_cell)):
-        inside = temperature[:, :, owner == index]
-        found += extrapolations(model.layers[index].tissue, inside, name=described.layers[index].tissue)
-    if found:
-        notes.append("for the field, attenuation and sound speed are held at the ends of the ranges named here:")
-    return notes + found
+    return notes + heated_range_notes(model, described, settings, result)
 
 
 def _edges(temperature: np.ndarray) -> list[np.ndarray]:

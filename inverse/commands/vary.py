@@ -16,7 +16,7 @@ from arfjax import AdaptiveSteps, Discretisation, Experiment, FixedSteps, InputE
 from arfjax import TransientProtocol as WatchedSonication
 from arfjax.io import VARIABLES, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
-from inverse.commands.notes import WATCHED, assumed_notes, sound_notes
+from inverse.commands.notes import WATCHED, assumed_notes, central_range_notes, sound_notes
 from inverse.commands.partial import PartialFile, StoppedEarly
 from inverse.commands.variability_report import HEADER, report, results, rows
 from inverse.figures import draw_bands, draw_sensitivity
@@ -91,7 +91,9 @@ def vary_command(
     partial = PartialFile(out, settings | {"seed": seed} | inputs | versions())
     try:
         with output_directory(out) as folder:
-            data = _dataset(task, factors, _run(task, factors, partial))
+            outcomes = _run(task, factors, partial)
+            data = _dataset(task, factors, outcomes)
+            task = dataclasses.replace(task, notes=(*task.notes, *_range_notes(task, outcomes)))
             data.attrs |= {
                 "title": described.title,
                 "protocol": str(protocol),
@@ -198,6 +200,12 @@ def _run(task: Task, factors: np.ndarray, partial: PartialFile) -> dict[str, np.
             partial.keep(outcomes)
             step(f"{PartialFile.n_done(outcomes)} of {n_all} runs are done")
     return outcomes
+
+
+def _range_notes(task: Task, outcomes: dict[str, np.ndarray]) -> list[str]:
+    """Of the first run, that of the central constants."""
+    temperature = outcomes["focal_temperature"][0] if task.temperatures is None else task.temperatures
+    return central_range_notes(task.model, temperature, outcomes["lesion_length"][0])
 
 
 def _dataset(task: Task, factors: np.ndarray, outcomes: dict[str, np.ndarray]) -> xr.Dataset:

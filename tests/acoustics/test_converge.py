@@ -124,6 +124,16 @@ def solved(tolerance, pressure=2e6, settings=START, variation=None):
     return field, settings, said
 
 
+def test_without_power_nothing_is_in_error():
+    """And no search for better settings begins."""
+    silent = PressureDrive(1.1e6, 0.0)
+    where = {"r": np.zeros(1), "z": np.array([15e-3, 30e-3]), "settings": START}
+    convergence = jax.jit(lambda: solve_field(BEAM, silent, [AcousticLayer(LIVER, 0.05)], **where).convergence)()
+    assert convergence.shortcoming(1e-3) == ""
+    assert float(convergence.error) == 0.0
+    assert refined(START, convergence, 1e-3) == START
+
+
 def test_the_axial_estimate_is_the_axial_error():
     """Of linear sound through a warm spot, where the step alone errs: Richardson's estimate has the error's h^2.
 

@@ -12,12 +12,15 @@ import pytest
 from scipy import optimize
 
 from arfjax.acoustics.nonlinearity import (
+    FEWEST_HARMONICS,
     courant_number,
     shock_absorption,
     shock_fraction,
     steepen,
     steepening_rate,
 )
+from arfjax.acoustics.settings import MarchSettings
+from arfjax.errors import InputError
 from arfjax.exact.burgers import blackstock, fay, fubini, mendousse
 from arfjax.media import AcousticMedium
 from tests.checks import assert_gradient, assert_order
@@ -166,6 +169,16 @@ def test_nothing_is_absorbed_where_the_waveform_is_resolved():
     assert np.max(shock_absorption(resolved, RATE)) < 1e-18
     assert shock_fraction(resolved) < 1e-10
     assert np.all(shock_absorption(SMOOTH, RATE) == 0.0)
+
+
+def test_with_the_fewest_harmonics_a_second_one_is_no_shock():
+    """Any wave has it; the sensor would taper its waveform, and the highest pressure with it, by percents."""
+    wave = jnp.zeros(FEWEST_HARMONICS, complex).at[:2].set(AMPLITUDE * jnp.asarray([1.0, 0.2]))
+    assert shock_fraction(wave) < 1e-10
+    assert np.all(shock_absorption(wave, RATE) < 1e-10)
+    for n_harmonics in (2, FEWEST_HARMONICS - 1):
+        with pytest.raises(InputError, match="must be 1, for linear sound, or 5 or more"):
+            MarchSettings(n_harmonics=n_harmonics)
 
 
 def test_at_a_shock_the_upper_harmonics_are_absorbed():

@@ -17,6 +17,7 @@ from arfjax.acoustics.intensity import intensity
 from arfjax.acoustics.layers import AcousticLayer, transmission
 from arfjax.acoustics.one_way import solve_field
 from arfjax.acoustics.settings import MarchSettings
+from arfjax.acoustics.sources.projected_bowl import ProjectedBowl
 from arfjax.errors import InputError
 from arfjax.exact.oneil import axial_pressure
 from arfjax.media import AcousticMedium
@@ -206,6 +207,8 @@ def test_single_precision_agrees():
         ({"bowl": FocusedBowl(32e-3, 33e-3, 62.6e-3)}, "hole_radius < aperture_radius"),
         ({"bowl": FocusedBowl(32e-3, -1e-3, 62.6e-3)}, "0 <= hole_radius"),
         ({"bowl": FocusedBowl(32e-3, 10e-3, 30e-3)}, "<= focal_length"),
+        ({"bowl": FocusedBowl(10e-3, 0.0, np.inf)}, "must be finite .m., got inf. A flat disc is a `Piston`"),
+        ({"bowl": ProjectedBowl(FocusedBowl(10e-3, 0.0, np.inf), plane=12e-3)}, "A flat disc is a `Piston`"),
         ({"bowl": FocusedBowl(40e-3, 10e-3, 62.6e-3)}, "where the sponge begins"),
         ({"bowl": FocusedBowl(32e-3, 10e-3, 40e-3)}, "foremost point"),
         ({"z": np.array([10e-3, 60e-3])}, "start plane"),

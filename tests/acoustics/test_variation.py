@@ -345,7 +345,7 @@ def test_second_order_where_sound_steepens_too():
     z = np.array([58e-3, 66e-3])
 
     def harmonics(step):
-        settings = MarchSettings(n_harmonics=4, n_radial=144, axial_step=step)
+        settings = MarchSettings(n_harmonics=5, n_radial=144, axial_step=step)
         change = heated(attenuation=60.0, sound_speed=0.0)
         solve = eqx.filter_jit(
             lambda drive: (

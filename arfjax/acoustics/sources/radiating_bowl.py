@@ -1,5 +1,7 @@
 """The true bowl: every point of its surface radiates."""
 
+import math
+
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
@@ -80,6 +82,8 @@ class RadiatingBowl(Source):
 def check_bowl(bowl: FocusedBowl) -> None:
     """Raise `InputError` where a bowl's concrete dimensions make no sense; traced ones pass."""
     hole, aperture, focal = map(concrete, (bowl.hole_radius, bowl.aperture_radius, bowl.focal_length))
+    if math.isinf(focal):
+        raise InputError("`focal_length` of a bowl must be finite [m], got inf. A flat disc is a `Piston`.")
     if hole < 0.0 or hole >= aperture or aperture > focal:
         raise InputError(
             f"a bowl needs 0 <= hole_radius < aperture_radius <= focal_length, got {hole}, {aperture}, {focal} m."

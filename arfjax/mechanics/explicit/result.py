@@ -8,6 +8,9 @@ from jaxtyping import Array, Float
 from arfjax.media import Scalar
 from arfjax.numerics.interpolation import stencil_weights
 
+_ROUNDING = 1e-4
+"""How far beyond its ends, in cells, the grid still holds a position: what single precision makes of metres."""
+
 
 class ExplicitConvergence(eqx.Module):
     """How far a run can be trusted. Differences to a run of twice the cell sizes and twice the step, over three.
@@ -66,10 +69,12 @@ class ExplicitResult(eqx.Module):
     convergence: ExplicitConvergence
 
     def at_focus(self, z: Scalar) -> Float[Array, " time"]:
-        """Axial displacement [m] on the axis at `z` [m], by the cubic through the four nearest nodes."""
+        """Axial displacement [m] on the axis at `z` [m], by cubics between the nodes; NaN outside `z[0]` to `z[-1]`."""
         first, weights = stencil_weights(jnp.asarray(z, self.z.dtype)[None], self.z)
         near = jax.lax.dynamic_slice_in_dim(self.axial_displacement_on_axis, first[0], weights.shape[1], axis=1)
-        return near @ weights[0]
+        rounding = _ROUNDING * (self.z[1] - self.z[0])
+        inside = (z >= self.z[0] - rounding) & (z <= self.z[-1] + rounding)
+        return jnp.where(inside, near @ weights[0], jnp.nan)
 
 
 def extrapolated(result: ExplicitResult) -> ExplicitResult:

@@ -40,6 +40,10 @@ def test_maps_points_focus_and_checkpoints_tell_the_same():
     solve = functools.partial(solve_push_explicitly, grid, points=points, walls=MIXED, damping=LAYER)
     result = quick_jit(functools.partial(solve, settings=SMALL, estimate_error=False))(material, small_force(grid))
     np.testing.assert_allclose(result.at_focus(-3.1e-4), result.displacement_at_points[:, 0, 1], rtol=1e-12)
+    ends = [result.at_focus(z)[-1] for z in (result.z[0], result.z[-1])]
+    np.testing.assert_allclose(ends, result.axial_displacement_on_axis[-1, [0, -1]], rtol=1e-9, atol=1e-18)
+    outside = [result.at_focus(z) for z in (result.z[0] - 1e-5, result.z[-1] + 1e-5)]
+    assert np.all(np.isnan(outside))
     np.testing.assert_allclose(result.displacement_at_points[-1, 1], result.maps[-1, 1, 6], rtol=1e-12)
     np.testing.assert_allclose(result.axial_displacement_on_axis[12::12], result.maps[:, 0, :, 1], rtol=1e-13)
     np.testing.assert_allclose(result.map_time, result.time[12::12], rtol=1e-14)

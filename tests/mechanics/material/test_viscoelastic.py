@@ -254,6 +254,9 @@ def test_every_solid_has_the_complex_modulus_of_its_branches():
         (lambda: Elastic(-1.0), "`modulus` must lie in 0 to 1e"),
         (lambda: Elastic(3e15), "Is its unit right"),
         (lambda: Zener(1.0, -2.0, 0.1), "unrelaxed_modulus"),
+        # Of fields the first such point, not the smallest of one and the largest of another one.
+        (lambda: Zener(jnp.array([1.0, 9.0, 5.0, 8.0]), jnp.array([2.0, 9.5, 4.0, 3.0]), 0.1), "got 4 and 5 Pa"),
+        (lambda: Zener(5.0, jnp.array([6.0, 4.0, 3.0]), 0.1), "got 4 and 5 Pa"),
         (lambda: Zener(1.0, 2.0, -0.1), "`relaxation_time` must be finite and not negative"),
         (lambda: FractionalZener(1.0, 2.0, 0.1, 1.2), "fractional_order"),
         (lambda: KelvinVoigt(1.0, float("nan")), "viscosity"),
