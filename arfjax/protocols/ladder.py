@@ -134,17 +134,17 @@ def states_when(heated: SonicationResult, temperatures: Float[Array, " step"]) -
     NaN for temperatures that are not reached, or below that of the start, but for rounding.
     """
     states = tissue_states(heated)
-    first, last = states.focal[0], states.focal[-1]
+    first, hottest = states.focal[0], jnp.argmax(states.focal)  # which is not the last where it cools again
 
     def state_at(temperature: Scalar) -> TissueState:
         reached = states.focal >= temperature
-        after = jnp.where(jnp.any(reached), jnp.clip(jnp.argmax(reached), 1), len(states.focal) - 1)
+        after = jnp.clip(jnp.where(jnp.any(reached), jnp.argmax(reached), hottest), 1)
         low, high = states.focal[after - 1], states.focal[after]
         weight = (temperature - low) / jnp.where(high > low, high - low, 1.0)
         # Of uniform tissue the focal temperature, an interpolation, is that of the start to rounding only. No `clip`,
         # which halves the derivative at its ends.
         weight = jnp.where(weight < 0.0, 0.0, jnp.where(weight > 1.0, 1.0, weight))
-        inside = (temperature >= first - ROUNDING) & (temperature <= last + ROUNDING)
+        inside = (temperature >= first - ROUNDING) & (temperature <= states.focal[hottest] + ROUNDING)
         weight = jnp.where(inside, weight, jnp.nan)
         return jax.tree.map(lambda values: values[after - 1] + weight * (values[after] - values[after - 1]), states)
 

@@ -32,6 +32,11 @@ def test_both_ends_are_reached_but_for_rounding(rounding):
     assert np.all(np.isnan(states_when(course, jnp.asarray([36.9, 67.1])).dose))
 
 
+def test_the_highest_of_a_course_that_cools_again_is_reached():
+    states = states_when(heated([37.0, 47.0, 67.0 - 1e-13, 57.0]), jnp.asarray([42.0, 64.0, 67.0, 67.1]))
+    np.testing.assert_allclose(states.dose[:, 0, 0], [5.0, 18.5, 20.0, np.nan], atol=1e-12)
+
+
 def test_derivative_at_the_start_is_that_of_the_rise():
     course = heated([37.0, 47.0, 67.0])
     slope = jax.vmap(jax.grad(lambda t: states_when(course, t[None]).dose[0, 0, 0]))(jnp.asarray([37.0, 42.0, 57.0]))
