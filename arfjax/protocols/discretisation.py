@@ -32,6 +32,7 @@ RIM_TO_START = 3.2e-3  # m; from the bowl's rim to the march's start
 RIM_TO_HEAT = 5e-3  # m; from the bowl's rim to the first heated cell
 _SAME_FACE = 1e-6  # m; an interface as near to a wall as that is the wall
 _HEAT_REACH = 20e-3  # m; heat spreads sqrt(4 D t) = 6 mm in 60 s, so the walls are three times further than it gets
+# Beyond minutes walls that stay as warm as at the start cool tissue without blood flow: see `discretise`.
 
 
 DISPLACEMENT_ACCURACY = 3e-3
@@ -163,6 +164,10 @@ def discretise(model: Model, *, refinement: float = 1.0) -> Discretisation:
 
     Raises:
         InputError: if the geometric focus does not lie inside the liver.
+
+    Accuracy: heat has walls 20 mm from the focus that stay as warm as at the start. Liver without blood flow, heated
+        throughout, is too cold beside them after minutes: the focus by 1.1 percent of its rise after 1800 s and 2.4
+        after 3600; 10 mm from it, by 3 percent after 600 s and 20 after 1800.
     """
     focus = float(model.bowl.focal_length)
     front, back = model.liver_depth, model.liver_depth + model.liver_thickness
@@ -203,7 +208,11 @@ def march_settings(model: Model, refinement: float = 1.0) -> MarchSettings:
     """Settings of the sound field's march: the defaults, scaled to the bowl's size and the wavelength.
 
     The defaults are for 32 mm and 1.1 MHz. The domain grows with the bowl, and the number of terms and of quadrature
-    points with the number of wavelengths across it, so that accuracy stays what it is there.
+    points with the number of wavelengths across it, so that accuracy stays what it is there at higher frequencies and
+    for larger bowls.
+
+    Accuracy: below 1.1 MHz the domain stays 62 mm wide, although the beam grows. On the axis, against O'Neil, largest
+        error over the peak: 1.6e-3 at 0.5 MHz, 0.5 percent at 0.25, 1.5 at 0.2, 2.2 at 0.15, 5.5 at 0.1, 29 at 0.05.
     """
     default = MarchSettings()
     aperture, frequency = float(model.bowl.aperture_radius), float(model.drive.frequency)

@@ -25,7 +25,7 @@ from arfjax import (
 from arfjax.io import stepwise_dataset, write_netcdf
 from arfjax.numerics.compiled import compiled
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.notes import sound_notes
+from inverse.commands.notes import grid_notes, sound_notes
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.figures import draw_calibration
 from inverse.hmi_fit import CalibrationSettings, HmiFit, fit_hmi
@@ -188,7 +188,7 @@ def _notes(fit: HmiFit, measured: HmiData, curves: xr.Dataset, settings: Discret
         )
     notes += fit.not_identified.values()
     after = curves.sel(stage="after")
-    notes += sound_notes(settings)
+    notes += sound_notes(settings) + grid_notes(fit.model)
     notes += range_notes(fit.model, after["step_temperature"].to_numpy(), after["lesion_length"].to_numpy())
     if not fit.noise_settled:
         notes.append("THE ESTIMATE OF THE SCATTER DID NOT SETTLE; give standard deviations in the file.")

@@ -12,6 +12,7 @@ import arfjax.figures
 from arfjax import Discretisation, Experiment, InputError, Model, discretise, extrapolations, read_experiment
 from arfjax.io import full_field_dataset, write_netcdf
 from inverse.commands.console import show_lines, show_table, working
+from inverse.commands.notes import grid_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _RADIUS = 20e-3  # m
@@ -60,7 +61,7 @@ def field_command(
                 "sound": arfjax.figures.draw_sound(data, model),
             },
         )
-        notes = [_verdict(data), *_notes(model, temperature)]
+        notes = [_verdict(data), *_notes(model, temperature), *grid_notes(model)]
         rows = _rows(data)
         (folder / "report.md").write_text(_report(described, data, rows, figures, notes), encoding="utf-8")
         write_summary(

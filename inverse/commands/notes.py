@@ -20,6 +20,10 @@ from arfjax.thermal.damage import LETHAL_DOSE_MINUTES
 WATCHED = ("sonication", "monitoring", "mechanics", "lesion")
 """Sections that a sonication with its displacement comes from."""
 
+_LOWEST_FREQUENCY = 0.25e6  # Hz; there the field is within 0.5 percent of its peak
+_LONGEST_WITHOUT_FLOW = 600.0  # s; until then the focus does not feel the walls, and 10 mm from it 3 percent are missed
+_BODY_TEMPERATURE = 37.0  # degC
+
 
 def assumed_notes(described: Experiment, *sections: str, power: SupportsFloat = 0.0) -> list[str]:
     """What was taken in place of those of these sections that the file does not have.
@@ -94,6 +98,29 @@ def sound_notes(settings: Discretisation, *factors: float) -> list[str]:
     """
     short = [f"the sound field is not within its tolerance: {settings.shortcoming}."] if settings.shortcoming else []
     return short + _scaling_notes(settings, *factors)
+
+
+def grid_notes(model: Model, duration: float = 0.0) -> list[str]:
+    """Warnings where the grids' size no longer suits what runs on them; see `march_settings` and `discretise`.
+
+    Args:
+        model: The model.
+        duration: Of a sonication, in all [s].
+    """
+    notes, frequency = [], float(model.drive.frequency)
+    if frequency < _LOWEST_FREQUENCY:
+        notes.append(
+            f"the sound field's domain is narrow for waves as long as at {1e-6 * frequency:g} MHz: its largest error "
+            "over its peak is 0.5 % at 0.25 MHz, 2.2 % at 0.15 and 29 % at 0.05."
+        )
+    # As it is at the start: flow that stops as tissue coagulates goes on around the lesion.
+    flows = np.any(np.asarray(model.liver.perfusion_rate.after(_BODY_TEMPERATURE, 0.0)) > 0.0)
+    if duration > _LONGEST_WITHOUT_FLOW and not flows:
+        notes.append(
+            f"heat is followed over {duration:g} s without blood flow, within walls 20 mm from the focus that stay as "
+            "warm as at the start: after 1800 s the rise at the focus is 1.1 % too low, 10 mm from it 20 %."
+        )
+    return notes
 
 
 def _scaling_notes(settings: Discretisation, *factors: float) -> list[str]:

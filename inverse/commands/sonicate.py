@@ -29,7 +29,7 @@ from arfjax import (
 from arfjax.io import field_dataset, sonication_dataset, write_netcdf
 from arfjax.numerics.compiled import compiled
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.notes import assumed_notes, boiling_notes, heated_range_notes, sound_notes
+from inverse.commands.notes import assumed_notes, boiling_notes, grid_notes, heated_range_notes, sound_notes
 from inverse.output import output_directory, quantity, write_figures, write_summary
 
 _SHOWN_RADIUS = 8e-3  # m
@@ -79,6 +79,7 @@ def sonicate_command(
         )
         notes = assumed + notes_on(model, described, settings, result)
         notes += sound_notes(settings, *(phase.relative_power for phase in described.sonication.phases))
+        notes += grid_notes(model, sum(phase.duration_s for phase in described.sonication.phases))
         rows = _rows(data, result, settings)
         (folder / "report.md").write_text(_report(described, settings, rows, figures, notes), encoding="utf-8")
         write_summary(

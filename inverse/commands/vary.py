@@ -16,7 +16,7 @@ from arfjax import AdaptiveSteps, Discretisation, Experiment, FixedSteps, InputE
 from arfjax import TransientProtocol as WatchedSonication
 from arfjax.io import VARIABLES, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
-from inverse.commands.notes import WATCHED, assumed_notes, central_range_notes, sound_notes
+from inverse.commands.notes import WATCHED, assumed_notes, central_range_notes, grid_notes, sound_notes
 from inverse.commands.partial import PartialFile, StoppedEarly
 from inverse.commands.variability_report import HEADER, report, results, rows
 from inverse.figures import draw_bands, draw_sensitivity
@@ -137,7 +137,7 @@ def _stepwise_task(described: Experiment) -> Task:
         displacement="displacement",
         temperature_label="temperature of liver and focus",
         chunk=20,
-        notes=(*assumed, *sound_notes(settings)),
+        notes=(*assumed, *sound_notes(settings), *grid_notes(model)),
     )
 
 
@@ -185,6 +185,7 @@ def _transient_task(described: Experiment) -> Task:
             *assumed,
             f"displacement by {monitoring.words()}; elements are those that the central constants need.",
             *sound_notes(settings, *(phase.relative_power for phase in sonication.phases)),
+            *grid_notes(model, sum(phase.duration_s for phase in sonication.phases)),
         ),
     )
 

@@ -70,11 +70,12 @@ class ExplicitResult(eqx.Module):
 
     def at_focus(self, z: Scalar) -> Float[Array, " time"]:
         """Axial displacement [m] on the axis at `z` [m], by cubics between the nodes; NaN outside `z[0]` to `z[-1]`."""
-        first, weights = stencil_weights(jnp.asarray(z, self.z.dtype)[None], self.z)
+        place = jnp.asarray(z, self.z.dtype)
+        first, weights = stencil_weights(place[None], self.z)
         near = jax.lax.dynamic_slice_in_dim(self.axial_displacement_on_axis, first[0], weights.shape[1], axis=1)
         rounding = _ROUNDING * (self.z[1] - self.z[0])
-        inside = (z >= self.z[0] - rounding) & (z <= self.z[-1] + rounding)
-        return jnp.where(inside, near @ weights[0], jnp.nan)
+        inside = (place >= self.z[0] - rounding) & (place <= self.z[-1] + rounding)
+        return (near @ weights[0]) * jnp.where(inside, 1.0, jnp.nan)
 
 
 def extrapolated(result: ExplicitResult) -> ExplicitResult:

@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from arfjax import InputError, MarchSettings, discretise, read_experiment
+from arfjax import Drive, InputError, MarchSettings, discretise, read_experiment
+from arfjax.laws import Constant
+from arfjax.tissues import unperfused
 from inverse.commands.calibrate import ending
 from inverse.commands.field import power_lines
 from inverse.commands.main import run
-from inverse.commands.notes import assumed_notes, boiling_notes, sound_notes
+from inverse.commands.notes import assumed_notes, boiling_notes, grid_notes, sound_notes
 from inverse.datasets.shipped import shipped
+from inverse.diagnosis.hmi.causes.perfusion import PERFUSED
 from inverse.least_squares import descend
 
 
@@ -28,6 +31,21 @@ def test_heat_of_nonlinear_sound_at_another_power():
 def test_boiling():
     assert boiling_notes(float("nan")) == []
     assert "reaches 100 degC at 2.5 s" in boiling_notes(2.5)[0]
+
+
+def test_where_the_grids_are_too_small():
+    """For long waves, and for heat that nothing carries away."""
+    model = read_experiment(shipped("suomi2016_experiment")).model()
+    dry = dataclasses.replace(model, liver=unperfused(model.liver))
+    flow = Constant(PERFUSED, unit="1/s", source="test")
+    wet = dataclasses.replace(model, liver=dataclasses.replace(model.liver, perfusion_rate=flow))
+    assert grid_notes(dry, 600.0) == grid_notes(wet, 3600.0) == []
+    (said,) = grid_notes(dry, 601.0)
+    assert said.startswith("heat is followed over 601 s without blood flow")
+    low, fair = (dataclasses.replace(model, drive=Drive(frequency, 10.0)) for frequency in (0.2e6, 0.25e6))
+    assert grid_notes(fair) == []
+    (said,) = grid_notes(low)
+    assert said.startswith("the sound field's domain is narrow for waves as long as at 0.2 MHz")
 
 
 def test_more_steps_are_advised_where_they_can_be_had():

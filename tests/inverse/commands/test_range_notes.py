@@ -61,10 +61,14 @@ def test_monitor_says_so(tmp_path, monkeypatch):
 
     monkeypatch.setattr(monitor, "run_transient", watched)
     monkeypatch.setattr(monitor, "compiled", lambda function: function)
-    assert run(["monitor", str(FILE), "--out", str(tmp_path / "out")]) == 0
+    text = FILE.read_text().replace("frequency_mhz = 1.1", "frequency_mhz = 0.2").replace("_s = 60.0 }", "_s = 700.0 }")
+    (tmp_path / "e.toml").write_text(text.replace('tissue = "liver"', 'tissue = "liver"\nperfused = false'))
+    assert run(["monitor", str(tmp_path / "e.toml"), "--out", str(tmp_path / "out")]) == 0
     report = (tmp_path / "out" / "report.md").read_text()
     assert "liver.attenuation: extrapolated to 91 degC" in report
     assert "lesion.viscoelasticity.branch_modulus: extrapolated to 91 degC" in report
+    assert "heat is followed over 760 s without blood flow" in report
+    assert "narrow for waves as long as at 0.2 MHz" in report
 
 
 @pytest.mark.parametrize(("protocol", "hottest"), [("stepwise", 80.0), ("transient", 91.0)])
