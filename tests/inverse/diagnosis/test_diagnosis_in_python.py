@@ -99,7 +99,7 @@ def test_a_cause_of_ones_own_joins_the_library(file):
         ({"causes": [Backlash(), "slip", Backlash()]}, "two are called 'backlash'"),
         ({"causes": HMI_CAUSES[:1]}, "'thermocouple-viscous-heating' is no DmaCause"),
         ({"model": "maxwell"}, "fractional, zener"),
-        ({"seed": -1}, "`seed` must be 0 or more, got -1"),
+        ({"seed": -1}, "`seed` must be 0 to 4294967295, got -1"),
     ],
 )
 def test_wrong_names(file, wrong, said):
@@ -277,8 +277,8 @@ def test_the_command_writes_each_of_two_files_into_its_folder(file, tmp_path, mo
     """What is asked of each, and where it stands; the curves' own diagnosis takes minutes, another stands for it."""
     found, asked = inverse.diagnose(file, causes=["sweep-drift", "slip"], gain=False), []
 
-    def answer(dma, **named):
-        asked.append((dma, named))
+    def answer(**named):
+        asked.append(named)
         return found
 
     monkeypatch.setattr("inverse.commands.diagnose.diagnose", answer)
@@ -289,9 +289,11 @@ def test_the_command_writes_each_of_two_files_into_its_folder(file, tmp_path, mo
     )
     causes = ["--causes", "slip,boiling", "--seed", "3", "--level", "0.1"]
     assert run(["diagnose", experiment, "--dma", str(file), "--hmi", curves, "--out", str(out), *causes]) == 0
-    (dma, of_dma), (none, of_hmi) = asked
-    assert (dma, of_dma["hmi"], none, str(of_hmi["hmi"])) == (file, None, None, curves)
-    assert of_dma["experiment"] is None and str(of_hmi["experiment"]) == experiment
+    of_dma, of_hmi = asked
+    # What is of one measurement is not asked of the other, which would refuse it.
+    assert of_dma["dma"] == file and not {"hmi", "experiment"} & of_dma.keys()
+    assert (str(of_hmi["hmi"]), str(of_hmi["experiment"])) == (curves, experiment)
+    assert not {"dma", "model", "trust_units"} & of_hmi.keys()
     assert [[one.name for one in named["causes"]] for named in (of_dma, of_hmi)] == [["slip"], ["boiling"]]
     assert all((named["seed"], named["level"]) == (3, 0.1) for named in (of_dma, of_hmi))
     assert {path.name for path in out.iterdir()} == {"dma", "hmi", "summary.json"}
