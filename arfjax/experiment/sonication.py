@@ -83,6 +83,11 @@ class SonicationSection(Section):
             )
         return self
 
+    @property
+    def duration_s(self) -> float:
+        """Of all phases."""
+        return sum(each.duration_s for each in self.phases)
+
     def phase_list(self) -> tuple[Phase, ...]:
         """The phases, in steps of at most `step_s`."""
         return tuple(

@@ -31,7 +31,7 @@ from arfjax.protocols.heated_tissue import force_on, heated_solid, lesion_of, sh
 from arfjax.protocols.probing import Probe, ShortPush, SteadyShaking, on_axis_at
 from arfjax.protocols.sonication import Sonication, SonicationResult, sonication_field
 from arfjax.protocols.stepwise import StepwiseProtocol, layered_field, run_stepwise
-from arfjax.protocols.transient import ROUNDING, TissueState, solid_of, tissue_states
+from arfjax.protocols.transient import TissueState, first_reached, solid_of, tissue_states
 
 _Force = Callable[[TissueState], Float[Array, "rq zq"]]
 _Solid = Callable[[TissueState], Solid]
@@ -134,18 +134,9 @@ def states_when(heated: SonicationResult, temperatures: Float[Array, " step"]) -
     NaN for temperatures that are not reached, or below that of the start, but for rounding.
     """
     states = tissue_states(heated)
-    first, hottest = states.focal[0], jnp.argmax(states.focal)  # which is not the last where it cools again
 
     def state_at(temperature: Scalar) -> TissueState:
-        reached = states.focal >= temperature
-        after = jnp.clip(jnp.where(jnp.any(reached), jnp.argmax(reached), hottest), 1)
-        low, high = states.focal[after - 1], states.focal[after]
-        weight = (temperature - low) / jnp.where(high > low, high - low, 1.0)
-        # Of uniform tissue the focal temperature, an interpolation, is that of the start to rounding only. No `clip`,
-        # which halves the derivative at its ends.
-        weight = jnp.where(weight < 0.0, 0.0, jnp.where(weight > 1.0, 1.0, weight))
-        inside = (temperature >= first - ROUNDING) & (temperature <= states.focal[hottest] + ROUNDING)
-        weight = jnp.where(inside, weight, jnp.nan)
+        after, weight = first_reached(states.focal, temperature)
         return jax.tree.map(lambda values: values[after - 1] + weight * (values[after] - values[after - 1]), states)
 
     return jax.vmap(state_at)(temperatures)

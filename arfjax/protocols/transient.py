@@ -10,7 +10,7 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from arfjax.errors import InputError
 from arfjax.instruments.speckle_tracking import SpeckleTracker
@@ -33,7 +33,7 @@ from arfjax.protocols.sonication import (
 from arfjax.thermal.bioheat import TemperatureHistory
 from arfjax.thermal.feedback import Exposure, movement
 
-ROUNDING = 1e-6
+_ROUNDING = 1e-6
 """Rounding of a temperature [K]."""
 
 
@@ -194,13 +194,24 @@ def solid_of(model: Model, settings: Discretisation, state: TissueState, mesh: M
 
 def value_when(course: Float[Array, " time"], values: Float[Array, " time"], level: Scalar) -> Float[Array, ""]:
     """Value when a course first reaches a level, linear between times; NaN if it never does, or begins above it."""
-    reached = course >= level
-    after = jnp.argmax(reached)
-    before = jnp.maximum(after - 1, 0)
-    rise = course[after] - course[before]
-    weight = jnp.where(after > 0, (level - course[before]) / jnp.where(after > 0, rise, 1.0), 0.0)
-    value = values[before] + weight * (values[after] - values[before])
-    return jnp.where(jnp.any(reached) & (level > course[0] - ROUNDING), value, jnp.nan)
+    after, weight = first_reached(course, level)
+    return values[after - 1] + weight * (values[after] - values[after - 1])
+
+
+def first_reached(course: Float[Array, " time"], level: Scalar) -> tuple[Int[Array, ""], Float[Array, ""]]:
+    """Number of the time at or before which a course first reaches a level, and the share of the step to it.
+
+    The share is NaN where the course never reaches the level, or begins above it, but for rounding: the focal
+    temperature of uniform tissue, an interpolation, is that of the start to 1e-14 K.
+    """
+    reached, highest = course >= level, jnp.argmax(course)  # which is not the last where it cools again
+    after = jnp.maximum(jnp.where(jnp.any(reached), jnp.argmax(reached), highest), 1)
+    low, high = course[after - 1], course[after]
+    share = (level - low) / jnp.where(high > low, high - low, 1.0)
+    # No `clip`, which halves the derivative at its ends.
+    share = jnp.where(share < 0.0, 0.0, jnp.where(share > 1.0, 1.0, share))
+    inside = (level >= course[0] - _ROUNDING) & (level <= course[highest] + _ROUNDING)
+    return after, jnp.where(inside, share, jnp.nan)
 
 
 def _probed(

@@ -83,7 +83,7 @@ def monitor_command(
         notes += lesion_range_notes(model, result.sonication)
         notes += heated_range_notes(model, described, settings, result.sonication)
         notes += sound_notes(settings, *(phase.relative_power for phase in described.sonication.phases))
-        notes += grid_notes(model, sum(phase.duration_s for phase in described.sonication.phases))
+        notes += grid_notes(model, described.sonication.duration_s)
         (folder / "report.md").write_text(_report(data, figures, notes), encoding="utf-8")
         write_summary(
             folder,

@@ -79,7 +79,7 @@ def sonicate_command(
         )
         notes = assumed + notes_on(model, described, settings, result)
         notes += sound_notes(settings, *(phase.relative_power for phase in described.sonication.phases))
-        notes += grid_notes(model, sum(phase.duration_s for phase in described.sonication.phases))
+        notes += grid_notes(model, described.sonication.duration_s)
         rows = _rows(data, result, settings)
         (folder / "report.md").write_text(_report(described, settings, rows, figures, notes), encoding="utf-8")
         write_summary(

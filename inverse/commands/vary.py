@@ -185,7 +185,7 @@ def _transient_task(described: Experiment) -> Task:
             *assumed,
             f"displacement by {monitoring.words()}; elements are those that the central constants need.",
             *sound_notes(settings, *(phase.relative_power for phase in sonication.phases)),
-            *grid_notes(model, sum(phase.duration_s for phase in sonication.phases)),
+            *grid_notes(model, sonication.duration_s),
         ),
     )
 

@@ -209,6 +209,7 @@ def test_value_when_a_course_reaches_a_level():
     assert np.isnan(float(value_when(course, values, 51.0))) and np.isnan(float(value_when(course, values, 19.0)))
     # A start that is the level but for rounding is at the level.
     assert float(value_when(course, values, 20.0 - 1e-12)) == 1.0
+    assert float(value_when(course, values, 50.0 + 1e-12)) == 4.0
     assert float(jax.grad(lambda level: value_when(course, values, level))(40.0)) == pytest.approx(0.1)
 
 
