@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from benchmarks.diagnosis_studies import Bound, Study
 from benchmarks.diagnosis_summary import SEEN
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
-from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, LEAST_P, SET_LEVEL, UNEXPLAINED_LEVEL, least_p
+from inverse.diagnosis.rule import ALLOWED, FOR_EVIDENCE, MOST_EVIDENCE, MOST_OF_PAIR, SET_LEVEL, UNEXPLAINED_LEVEL
 
 _COLOURS = {"unexplained": "#2a7f62", "confusable": "#e0b04a", "named": "#c0392b", "not found": "#b8bcc2"}
 _WORDS = {
@@ -21,16 +21,16 @@ _WORDS = {
     "not found": "not found",
 }
 
-_OF_MANY = (
-    f"if what it leaves is conspicuous at {100.0 * UNEXPLAINED_LEVEL:g} %, and what any other cause or pair leaves is, "
-    "too, or if noise makes a correction of no name describe the data better than any one cause, by more than "
-    f"{LEAD_OF_FREE_FORMS:g} nat"
-)
-_OF_FEW = (
-    f"if what the best-fitting cause leaves has a p below {LEAST_P:g}, and no pair explains the data. The better a "
-    f"correction of no name describes them, the more p has to be: {least_p(1.0):.2g} if by a nat than the best cause, "
-    f"{least_p(-1.0):.2g} if worse by one, and never less than {SET_LEVEL:g}"
-)
+
+def _by_odds(few: bool) -> str:
+    allowed = ALLOWED[few]
+    return (
+        "if a correction of no name is more probable in place of all causes, by more nats than are allowed "
+        f"({allowed.instead:g}, less {FOR_EVIDENCE:g} for each of the first {MOST_EVIDENCE:g} of the evidence), or "
+        f"beside the one that fits best, by more than {allowed.beside:g}, or if all are ruled out; and if no pair is "
+        f"more probable than that, by {-MOST_OF_PAIR:g} nat"
+    )
+
 
 _UNKNOWN = "detected, noise unknown"
 _KNOWN_OR_NOT = ("noise known", "noise unknown")
@@ -177,7 +177,7 @@ def page(summary: dict[str, Any], study: Study) -> str:
             *_without_data(summary),
             "What these rates rest on, and their limits:",
             "",
-            f"- A true cause is called `unexplained` {_OF_FEW if study.few else _OF_MANY}. Causes that are not ruled "
+            f"- A true cause is called `unexplained` {_by_odds(study.few)}. Causes that are not ruled "
             f"out at {100.0 * SET_LEVEL:g} % are reported then, too, as `possible`; with them a true cause is kept.",
             "- An effect in no list is named as a cause if that leaves little enough, and no correction of no name "
             "that is looked for describes it much better. A cause that resembles it takes much of it: of an effect at "

@@ -38,6 +38,7 @@ from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.examination import noise_size
 from inverse.diagnosis.hmi.fitting import HmiFit
+from inverse.diagnosis.hmi.free_forms import hmi_local_forms, of_all_data
 from inverse.diagnosis.hmi.prepare import PreparedHmi, hmi_problem_of, prepare_hmi
 from inverse.diagnosis.hmi.problem import Effect, HmiDiagnosisProblem
 from inverse.diagnosis.hmi.program import HmiProgram
@@ -149,6 +150,7 @@ def design(bench: Bench, seed: int) -> Design:
         },
         problem.noise_family(),
         [one for one in tested if one.name not in names],
+        of_all_data(hmi_local_forms(problem.rows), problem.weights, len(null.directions)),
         problem.rows.temperature,
     )
 

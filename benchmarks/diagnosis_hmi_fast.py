@@ -37,8 +37,8 @@ from benchmarks.diagnosis_studies import LINEAR_HMI_STUDY
 from benchmarks.diagnosis_summary import summarise
 from benchmarks.spread import spread
 from inverse.diagnosis.decision import decide
+from inverse.diagnosis.projection import unit_columns
 from inverse.diagnosis.rule import UNEXPLAINED_LEVEL
-from inverse.diagnosis.screening import unit_columns
 from tests.blind import hmi_generator as blind
 
 SETS = {"known": 25, "null": 800, "unknown": 100, "removed": 10}
@@ -51,7 +51,7 @@ UNDERSTATED, UNDERSTATED_BY = "understated", 1.3
 WEAK, STRONG = 5.0, 9.0
 """The d' at which effects without a name are to be named wrongly seldom, and that of curves that are simulated."""
 _AT_ONCE = 20
-_FIRST_SEED = {False: 2_620_000, True: 200}
+_FIRST_SEED = {False: 2_640_000, True: 200}
 """By whether they are for development. Test seeds below this were looked at with earlier code, or others have them."""
 
 
@@ -79,7 +79,9 @@ def _one_set(about: Design, condition: Condition, seed: int) -> dict[str, Any]:
     removed = condition.name if condition.part == "removed" else ""
     causes = [one for one in about.alternatives if one.name != removed]
     left = data - basis @ (basis.T @ data)
-    found = decide(left, about.fitted, causes, about.free_forms, about.family, rng, few=True)
+    found = decide(
+        left, about.fitted, causes, about.free_forms, about.family, rng, few=True, local_forms=about.local_forms
+    )
     names = list(dict.fromkeys(one.name for one in causes))
     ranked = found.ranked(names)
     return dataclasses.asdict(condition) | {

@@ -12,7 +12,8 @@ from inverse.diagnosis.cause import Extension, every_shape
 from inverse.diagnosis.dma.problem import DmaProblem
 from inverse.diagnosis.examination import LEAST_VISIBILITY
 from inverse.diagnosis.noise import Noise, noise_family
-from inverse.diagnosis.screening import Alternative, Screen, unit_columns, visibility
+from inverse.diagnosis.projection import unit_columns, visibility
+from inverse.diagnosis.screening import Alternative, Screen
 
 TRUE_SHAPES = {"frame-resonance": 1.6, "temperature-lag": 0.35, "second-relaxation": 0.55, "poroelastic-drainage": 0.9}
 """What the generator has where a cause has a second parameter."""
@@ -33,6 +34,7 @@ class Design:
             bend, the one of a negative strength is no mirror image. Both signs are where both are hidden and differ.
         family: Noise members, white first.
         free_forms: Corrections of no name; only those who ask what a diagnosis says need them.
+        local_forms: Local ones, which are weighed against causes only.
         temperature: Of the readings, if they have one each.
     """
 
@@ -41,6 +43,7 @@ class Design:
     truths: Mapping[str, Mapping[int, Float[np.ndarray, "n 1"]]]
     family: Sequence[Noise]
     free_forms: Sequence[Alternative] = ()
+    local_forms: Sequence[Alternative] = ()
     temperature: Float[np.ndarray, " reading"] | None = None
 
 

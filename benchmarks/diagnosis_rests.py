@@ -15,8 +15,9 @@ from inverse.diagnosis.dma.extended_fit import fit_extended
 from inverse.diagnosis.dma.problem import DmaProblem
 from inverse.diagnosis.examination import LEAST_VISIBILITY
 from inverse.diagnosis.noise import Noise, noise_family
+from inverse.diagnosis.projection import unit_columns, visibility
 from inverse.diagnosis.rule import UNEXPLAINED_LEVEL
-from inverse.diagnosis.screening import Alternative, Screen, unit_columns, visibility
+from inverse.diagnosis.screening import Alternative, Screen
 from tests.blind.no_such_effect import NoSuchEffect
 
 Effects = Mapping[str, Iterable[Float[np.ndarray, " n"]]]

@@ -200,14 +200,21 @@ def _states(
 ) -> _States:
     """Features of all states of all draws; draws that make no sense are left out."""
     of_protocols = [jax.jit(_features_of(fast, *each)) for each in protocols]
-    parts = []
+    parts, broken = [], set()
     for number, draw in enumerate(draws):
         for index, (_, temperatures) in enumerate(protocols):
             values, present = (np.asarray(each) for each in of_protocols[index](draw))
-            if np.all(np.isfinite(values) | ~present):
+            usable = np.isfinite(values) | ~present
+            broken.update(FEATURES[feature] for feature in np.flatnonzero(~np.all(usable, axis=0)))
+            if np.all(usable):
                 count = len(temperatures)
                 parts.append((np.full(count, number), np.full(count, index), np.asarray(temperatures), values, present))
         on_step("draws", number + 1, len(draws))
+    if not parts:
+        raise InputError(
+            f"of {len(draws)} draws none can be followed: {', '.join(sorted(broken))} is not a number at some "
+            "temperature in each. The constants, or the priors that they are drawn from, are none that tissue can have."
+        )
     return _States(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 

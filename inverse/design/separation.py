@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import stats
 
-from inverse.diagnosis.screening import independent
+from inverse.diagnosis.projection import independent
 
 
 @dataclasses.dataclass(frozen=True)

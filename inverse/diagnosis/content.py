@@ -9,7 +9,7 @@ from inverse.diagnosis.where import Absorbed
 from inverse.output import finite
 from inverse.software import versions
 
-SCHEMA_VERSION = 8
+SCHEMA_VERSION = 9
 """Of diagnosis.json; keys do not change without a new number."""
 
 
@@ -23,7 +23,7 @@ def as_json(found: Diagnosis, remarks: Sequence[str] = ()) -> dict[str, Any]:
         "omnibus": {
             "statistic": omnibus.statistic if omnibus else None,
             "p_value": omnibus.p_value if omnibus else None,
-            "lead_of_free_forms": found.decision.lead if found.decision is not None else None,
+            "odds_of_no_name": vars(found.decision.odds) if found.decision is not None else None,
         },
         "causes": [_cause(one) for one in found.causes],
         "named": list(found.named),

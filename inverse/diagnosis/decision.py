@@ -12,12 +12,14 @@ r"""From statistics to a verdict, at stated error rates.
 3. *Two causes?* Where one does not do, the likeliest causes of what it leaves that have `NEEDED` there are put in
    beside it, and everything else is tested once more. A pair counts only if each is so strong beside the other that it
    would be seen alone (`NEEDED`): two wrong causes take much of what a third leaves.
-4. *No cause?* If none is `enough`, for what it leaves and for how well a free form describes the data, and no pair
-   leaves the rest inconspicuous at `PAIR_LEVEL`, the verdict is `unexplained`, never the nearest name. Which causes
-   stay possible is said then, too. A refit that did not converge explains nothing, but rules no cause out either.
+4. *No cause?* If a correction of no name is more probable than the causes, or something beside the one that fits best
+   (`odds`), or every cause is ruled out, and no pair is much more probable than that and leaves the rest inconspicuous
+   at `PAIR_LEVEL`, the verdict is `unexplained`, never the nearest name. Which causes stay possible is said then, too.
+   A refit that did not converge explains nothing, but rules no cause out either.
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Sequence
 
@@ -27,8 +29,10 @@ from jaxtyping import Float
 from arfjax import InputError
 from inverse.diagnosis.evidence import Evidence, evidence
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.rule import SET_LEVEL, enough
-from inverse.diagnosis.screening import LEAST_FREEDOM, Alternative, Screen, independent, unit_columns
+from inverse.diagnosis.odds import NO_ODDS, Odds, Weighed, odds, odds_of_pair, weighed
+from inverse.diagnosis.projection import independent, unit_columns
+from inverse.diagnosis.rule import MOST_OF_PAIR, SET_LEVEL, enough
+from inverse.diagnosis.screening import LEAST_FREEDOM, Alternative, Screen
 
 FREE_FORM_HANDICAP = 10.0
 PAIR_LEVEL = 0.1
@@ -93,7 +97,7 @@ class Decision:
         explanations: What is named, best first: each one cause or two that leave nothing conspicuous.
         tests: For each cause that was put into the model, the test of what is left.
         last: The test of what the model that the verdict ends with leaves.
-        lead: Nats by which the best free form is more improbable as noise than any cause; see `rule.enough`.
+        odds: Of a correction of no name over the causes.
         few: Whether data were few.
         best_fit: The cause whose refit converged and fits best; none if that is empty.
         unsettled: Causes that were put into the model, and whose refit did not converge.
@@ -106,7 +110,7 @@ class Decision:
     explanations: tuple[tuple[str, ...], ...]
     tests: dict[str, Evidence]
     last: Evidence
-    lead: float
+    odds: Odds
     few: bool = False
     best_fit: str = ""
     unsettled: tuple[str, ...] = ()
@@ -149,6 +153,7 @@ def decide(
     level: float = 0.05,
     replicates: int | None = None,
     few: bool = False,
+    local_forms: Sequence[Alternative] = (),
 ) -> Decision:
     """Diagnose residuals of a fit that is linear about its optimum.
 
@@ -166,6 +171,7 @@ def decide(
         few: Whether data are so few that the likeliest kind of noise is often another one than theirs: replicates of
             the test of everything are in noise of all kinds then, each as often as it is likely, with the `ALLOWANCE`;
             and what explains them has a rule of its own.
+        local_forms: More corrections of no name, which are weighed against causes only.
 
     Raises:
         InputError: if a cause has the name of a free form.
@@ -189,7 +195,7 @@ def decide(
 
     omnibus = test(residuals, fitted, [*causes, *free_forms], FREE_FORM_HANDICAP, averaged=few)
     if omnibus.p_value > level:
-        return Decision("adequate", omnibus, {}, {}, (), {}, omnibus, omnibus.lead_of_free_forms({}), few)
+        return Decision("adequate", omnibus, {}, {}, (), {}, omnibus, NO_ODDS, few)
 
     ranked = omnibus.ranked(names)
     best = {name: row for name in ranked if (row := omnibus.best(name)) is not None}
@@ -205,7 +211,7 @@ def decide(
         left = test(refitted.residuals, refitted.directions, [*others, *free_forms], 1.0, whole=few)
         # What leaves no data to judge it by explains nothing.
         judged = len(residuals) - independent(refitted.directions).shape[1] >= LEAST_FREEDOM
-        return _Tried(refitted.misfit, left, refitted.converged and judged)
+        return _Tried(refitted, left, others, refitted.converged and judged)
 
     def gained(name: str, tried: _Tried) -> float:
         """Nats by which a refit, the best shape in it, is likelier than the fit along the direction about the null."""
@@ -220,6 +226,16 @@ def decide(
     alone = {name: put_in([omnibus.alternatives[best[name]]]) for name in worth[:_CONSIDERED]}
     alone = dict(sorted(alone.items(), key=lambda item: item[1].misfit))
     converged = [name for name, one in alone.items() if one.converged]
+    forms = [*free_forms, *local_forms]
+    null = weighed(residuals, fitted, causes, forms, family)
+    null = null.gained({name: gained(name, one) for name, one in alone.items()})
+
+    @functools.cache
+    def beside(name: str) -> Weighed:
+        fit = alone[name].fit
+        return weighed(fit.residuals, fit.directions, alone[name].others, forms, family)
+
+    best_fit = converged[0] if converged else ""
     found = Decision(
         verdict="unexplained",
         omnibus=omnibus,
@@ -228,14 +244,17 @@ def decide(
         explanations=(),
         tests={name: one.left for name, one in alone.items()},
         last=omnibus,
-        lead=omnibus.lead_of_free_forms({name: gained(name, one) for name, one in alone.items()}),
+        odds=odds(null, best_fit, beside(best_fit) if best_fit else None),
         few=few,
-        best_fit=converged[0] if converged else "",
+        best_fit=best_fit,
         unsettled=tuple(name for name in alone if name not in converged),
     )
-    left = [found.tests[name] for name in converged]
-    singles = {(name,): one for name, one in alone.items()} if enough(left, found.lead, few=few) else {}
-    return _concluded(found, _explanations(singles) or _explanations(_pairs(found, put_in, names), PAIR_LEVEL))
+    singles = {(name,): one for name, one in alone.items()} if enough(found.odds, few=few) else {}
+
+    def odds_of(first: str, second: str) -> float:
+        return odds_of_pair(null, best_fit, beside(best_fit), first, beside(first), second) if best_fit else math.inf
+
+    return _concluded(found, _explanations(singles) or _explanations(_pairs(found, put_in, names, odds_of), PAIR_LEVEL))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -243,14 +262,21 @@ class _Tried:
     """A cause or two put into the model.
 
     Attributes:
-        misfit: What the fit made least.
+        fit: With it.
         left: The test of what it leaves.
+        others: Causes that were not put in.
         converged: Whether it did, and left data to judge it by.
     """
 
-    misfit: float
+    fit: Refitted
     left: Evidence
+    others: Sequence[Alternative]
     converged: bool
+
+    @property
+    def misfit(self) -> float:
+        """What the fit made least."""
+        return self.fit.misfit
 
 
 def _explanations(tried: dict[tuple[str, ...], _Tried], level: float = SET_LEVEL) -> dict[tuple[str, ...], Evidence]:
@@ -271,7 +297,10 @@ def _concluded(found: Decision, explanations: dict[tuple[str, ...], Evidence]) -
 
 
 def _pairs(
-    found: Decision, put_in: Callable[[Sequence[Alternative]], _Tried], names: Sequence[str]
+    found: Decision,
+    put_in: Callable[[Sequence[Alternative]], _Tried],
+    names: Sequence[str],
+    odds_of: Callable[[str, str], float],
 ) -> dict[tuple[str, ...], _Tried]:
     """Pairs of which each cause is needed beside the other, put into the model."""
     tried: dict[tuple[str, ...], _Tried] = {}
@@ -287,6 +316,6 @@ def _pairs(
             if pair in tried or (other is not None and back is not None and abs(other.statistics[back]) < NEEDED):
                 continue
             start = found.omnibus.best(first)
-            if start is not None:
+            if start is not None and odds_of(first, second) <= MOST_OF_PAIR:
                 tried[pair] = put_in([found.omnibus.alternatives[start], left.alternatives[row]])
     return tried

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -36,7 +36,6 @@ class Evidence:
         alternatives: What was tested.
         log_p: Logarithm of the p-value of each alternative alone.
         p_family: That noise alone gives any alternative as improbable a value, with the same allowance.
-        calibrated: The same over what noise alone gives in one of twenty, causes among causes, free forms among these.
         free: Which alternatives are free forms.
         statistics: t of each cause, and twice the gain of the log-likelihood of each free form of several directions.
         noises: The noise member that each alternative goes with.
@@ -52,7 +51,6 @@ class Evidence:
     alternatives: tuple[Alternative, ...]
     log_p: Float[np.ndarray, " alternative"]
     p_family: Float[np.ndarray, " alternative"]
-    calibrated: Float[np.ndarray, " alternative"]
     free: Bool[np.ndarray, " alternative"]
     statistics: Float[np.ndarray, " alternative"]
     noises: Int[np.ndarray, " alternative"]
@@ -69,21 +67,6 @@ class Evidence:
         """Names by their most probable shape."""
         found = [(self.log_p[row], name) for name in names if (row := self.best(name)) is not None]
         return [name for _, name in sorted(found)]
-
-    def lead_of_free_forms(self, gained: Mapping[str, float]) -> float:
-        """By how many nats the best free form is more improbable as noise than the best cause, each among its kind.
-
-        Any cause counts, one that is ruled out afterwards as well.
-
-        Args:
-            gained: By how much the refit with a cause is likelier than what was tested, the direction about the null
-                model: far from it, where an effect is large, the true one would fall behind corrections that bend.
-        """
-        reached = [value - gained.get(a.name, 0.0) for a, value in zip(self.alternatives, self.calibrated, strict=True)]
-        best = [
-            min((reached[row] for row in np.flatnonzero(kind)), default=math.inf) for kind in (~self.free, self.free)
-        ]
-        return float(best[0] - best[1])
 
 
 def evidence(
@@ -134,7 +117,6 @@ def evidence(
         alternatives=screen.alternatives,
         log_p=found.log_p[:, 0],
         p_family=p_family,
-        calibrated=calibrated[:, 0],
         free=free,
         statistics=found.statistic[:, 0],
         noises=found.noise[:, 0],

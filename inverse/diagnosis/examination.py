@@ -12,7 +12,8 @@ from inverse.diagnosis.cause import Cause, Extension
 from inverse.diagnosis.decision import Decision
 from inverse.diagnosis.free_forms import Place
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.screening import Alternative, visibility
+from inverse.diagnosis.projection import visibility
+from inverse.diagnosis.screening import Alternative
 
 DETECTABLE = 4.5
 """d' at which an effect counts as detectable: found in 96 of 100 data sets if noise and model were known."""

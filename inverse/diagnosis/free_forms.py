@@ -16,6 +16,8 @@ from jaxtyping import Float
 LENGTHS = (0.3, 0.1)
 """Correlation lengths of smooth corrections, in parts of the coordinate's range: coarse ones and fine ones."""
 COARSE, FINE = LENGTHS
+LOCAL_WIDTHS = (0.03, 0.06, 0.12)
+"""Standard deviations of local corrections, in parts of the range; their middles are as far apart."""
 _LEAST_SPREAD = 0.02
 """Of a cosine, over that of the constant one, below which it is left out."""
 
@@ -44,3 +46,17 @@ def process(position: Float[np.ndarray, " n"], length: float) -> Float[np.ndarra
     count = 1 + int(np.sqrt(-4.0 * np.log(_LEAST_SPREAD)) / (np.pi * length))
     turns = np.pi * np.arange(count)
     return np.cos(turns * x[:, None]) * np.exp(-0.25 * (turns * length) ** 2)
+
+
+def bumps(position: Float[np.ndarray, " n"]) -> list[Float[np.ndarray, " n"]]:
+    """Local corrections along a coordinate: Gaussian ones of `LOCAL_WIDTHS`, everywhere.
+
+    Args:
+        position: Of each datum.
+    """
+    x = (position - position.min()) / max(np.ptp(position), 1e-300)
+    return [
+        np.exp(-0.5 * ((x - middle) / width) ** 2)
+        for width in LOCAL_WIDTHS
+        for middle in np.arange(0.0, 1.0 + 0.5 * width, width).tolist()
+    ]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from inverse.diagnosis.screening import independent
+from inverse.diagnosis.projection import independent
 
 _MOST = 3
 """Readings; what more of them have in common is no slip."""

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy import stats
 
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.screening import independent, project_out, unit_columns
+from inverse.diagnosis.projection import independent, project_out, unit_columns
 
 INTERVAL_LEVEL = 0.95
 

@@ -9,7 +9,7 @@ from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
 from inverse.diagnosis.evidence import ALLOWANCE, Evidence
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 from inverse.diagnosis.noise_gate import GATE_LEVEL, REPLICATES_OF_SIZES, NoiseGate
-from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL, least_p
+from inverse.diagnosis.rule import ALLOWED, SET_LEVEL, UNEXPLAINED_LEVEL
 from inverse.diagnosis.where import LEAST_OF_WHITENESS, Absorbed
 
 _VERDICTS = {
@@ -163,38 +163,28 @@ def _beyond_causes(found: Diagnosis) -> list[str]:
         return ["None of the causes that were looked for is likely enough by itself to be put into the model.", ""]
     left = {one.cause.name: one.left for one in found.causes if one.converged and one.status == "possible"}
     near = [name for name, p_value in left.items() if p_value is not None and p_value >= UNEXPLAINED_LEVEL]
-    said = _of_few(decision) if decision.few else _of_many(decision)
-    best = decision.best_fit
-    if decision.few and near and best and decision.tests[best].p_value < SET_LEVEL:
-        said = f"{best} fits best, and is ruled out by what it leaves; of so few data only the best-fitting one counts."
+    said = _by_the_odds(decision)
     if said and near:
         who = near[0] if len(near) == 1 else f"Each of {', '.join(near)}"
         said += f" {who} would leave nothing conspicuous, and is not named for this reason."
     return [said, ""] if said else []
 
 
-def _of_many(decision: Decision) -> str:
-    """How much better than any cause a correction of no name describes many data, where that decides."""
-    if not LEAD_OF_FREE_FORMS < decision.lead < math.inf:
-        return ""
-    return (
-        f"A correction of no name describes these data better than any one cause: by {decision.lead:.2g} nat, each "
-        f"against what noise alone gives its kind ({LEAD_OF_FREE_FORMS:g} are allowed)."
-    )
-
-
-def _of_few(decision: Decision) -> str:
-    """Why what the best-fitting cause leaves of few data is not enough, where that does not rule it out by itself."""
-    best, lead = decision.best_fit, decision.lead
-    if not best or decision.tests[best].p_value < SET_LEVEL or not math.isfinite(lead):
-        return ""
-    least = least_p(lead)
-    asked = f"{least:.2g} is asked for" if least <= 1.0 else "none would do"
-    return (
-        f"Of so few data a wrong cause leaves little. {best} fits best; what it leaves has a p of "
-        f"{decision.tests[best].p_value:.2g}, where {asked}: the better a correction of no name describes the data, "
-        f"the more (its lead over the best of the causes is {lead:+.2g} nat)."
-    )
+def _by_the_odds(decision: Decision) -> str:
+    """What a correction of no name does better than a cause; nothing where the causes are ruled out by p-values."""
+    odds, allowed = decision.odds, ALLOWED[decision.few]
+    asked = allowed.instead_at(odds.evidence)
+    if odds.instead > asked:
+        return (
+            "The data are more like a correction of no name than like any of the causes: by "
+            f"{odds.instead:+.2g} nat, strengths and noise averaged over, where {asked:+.2g} are allowed."
+        )
+    if odds.beside > allowed.beside:
+        return (
+            f"{decision.best_fit} fits best, and what it leaves is more like a correction of no name than like noise: "
+            f"by {odds.beside:+.2g} nat, strengths and noise averaged over, where {allowed.beside:+.2g} are allowed."
+        )
+    return ""
 
 
 def _percent(value: float, error: float) -> str:

@@ -23,17 +23,16 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy import special
 
 from arfjax import InputError
 from inverse.diagnosis.noise import LOG_PRIOR_OF_CORRELATION, Noise
+from inverse.diagnosis.projection import independent, project_out, visible_columns
 from inverse.diagnosis.replicates import drawn_anew, width_of_beliefs
 from inverse.diagnosis.tails import log_p_of_one_variance, log_p_of_t
 
 SIGNALS = (3.0, 6.0, 12.0)
 """Root of the sum of squares that a Gaussian process is expected to add, in standard deviations of the noise."""
-_VISIBLE = 1e-2
-"""Part of a process's direction that the fitted parameters and its coarser directions must leave for it to count."""
-_ROUNDING = 1e-9  # part of a direction that is left by rounding alone
 LEAST_FREEDOM = 2
 """Data beyond what is fitted without which no strength and its error can be told."""
 _FLOOR, _HIGHEST_EXPONENT = 1e-300, 200.0
@@ -152,22 +151,51 @@ class Screen:
             better = _keep(single, self._likelihood(prepared, total - one**2), index, likelihood, noise)
             direction = np.where(better, one, direction)
             if several.size:
-                found = self._of_processes(prepared, total, along[parameters + len(single) :] ** 2)
-                _keep(several, found, index, likelihood, noise)
+                others = along[parameters + len(single) :] ** 2
+                found = [self._of_processes(prepared, total, others, signal) for signal in SIGNALS]
+                _keep(several, np.max(found, axis=0), index, likelihood, noise)
         statistic = 2.0 * np.maximum(likelihood - null_likelihood, 0.0)
         square = (self.freedom - 1) * np.expm1(np.minimum(statistic[single] / self.freedom, _HIGHEST_EXPONENT))
         statistic[single] = np.sign(direction) * np.sqrt(square)
         return Statistics(self._log_p(statistic), statistic, noise, null_noise)
 
-    def _of_processes(self, prepared: _Prepared, total, squares) -> Float[np.ndarray, "process batch"]:
-        """Restricted log-likelihood with each process in the model, at its likeliest size."""
-        best = np.full((len(self._starts), squares.shape[1]), -np.inf)
-        for signal in SIGNALS:
-            taken, cost = shrunk(prepared.shares, signal)
-            inside = np.add.reduceat(taken[:, None] * squares, self._starts, axis=0)
-            paid = np.add.reduceat(cost, self._starts)[:, None]
-            best = np.maximum(best, self._likelihood(prepared, total - inside) - paid)
-        return best
+    def log_evidence(
+        self, data: Float[np.ndarray, "n batch"]
+    ) -> tuple[Float[np.ndarray, "alternative batch"], Float[np.ndarray, " batch"]]:
+        """How probable the data are with each alternative, and with none, but for a factor that is common to all.
+
+        Strengths are normal, their size one of `SIGNALS`, and nobody knows which; nor which noise there is, beyond what
+        its members' `log_prior` says. All of that is averaged over, so that what could have explained other data as
+        well pays for it.
+        """
+        found, nothing = np.full((len(self.alternatives), data.shape[1]), -np.inf), np.full(data.shape[1], -np.inf)
+        single, several = np.flatnonzero(self._single), np.flatnonzero(~self._single)
+        parameters, squares = self.fitted.shape[1], _Squares(data)
+        for prepared in self._prepared:
+            along = prepared.onto @ data
+            total = squares(prepared.noise) - np.sum(along[:parameters] ** 2, axis=0)
+            nothing = np.logaddexp(nothing, self._likelihood(prepared, total))
+            one, others = along[parameters : parameters + len(single)], along[parameters + len(single) :] ** 2
+            for signal in SIGNALS:
+                found[single] = np.logaddexp(found[single], self._of_singles(prepared, total, one, signal))
+                if several.size:
+                    process = self._of_processes(prepared, total, others, signal)
+                    found[several] = np.logaddexp(found[several], process)
+        return found - np.log(len(SIGNALS)), nothing
+
+    def _of_singles(self, prepared: _Prepared, total, along, signal: float) -> Float[np.ndarray, "single batch"]:
+        """Restricted log-likelihood averaged over each strength; of one that has a sign half of the numbers count."""
+        taken = signal**2 / (1.0 + signal**2)
+        rest = total - taken * along**2
+        upwards = self._signs * along * np.sqrt(taken * self.freedom / np.maximum(rest, _FLOOR))
+        side = np.where(self._signs == 0, 0.0, np.log(2.0) + special.log_ndtr(upwards))
+        return self._likelihood(prepared, rest) - 0.5 * np.log1p(signal**2) + side
+
+    def _of_processes(self, prepared: _Prepared, total, squares, signal: float) -> Float[np.ndarray, "process batch"]:
+        """Restricted log-likelihood with each process in the model."""
+        taken, cost = shrunk(prepared.shares, signal)
+        inside = np.add.reduceat(taken[:, None] * squares, self._starts, axis=0)
+        return self._likelihood(prepared, total - inside) - np.add.reduceat(cost, self._starts)[:, None]
 
     def noise_evidence(
         self, data: Float[np.ndarray, "n batch"]
@@ -322,24 +350,6 @@ class _Squares:
         return self._sums[key]
 
 
-def independent(columns: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n r"]:
-    """Orthonormal basis of the columns, scaled to unit length first; directions of no effect are dropped."""
-    lengths = np.linalg.norm(columns, axis=0)
-    kept = columns[:, lengths > 0.0] / lengths[lengths > 0.0]
-    basis, singular, _ = np.linalg.svd(kept, full_matrices=False)
-    return basis[:, singular > 1e-9 * singular[0]] if singular.size else kept
-
-
-def unit_columns(columns: Float[np.ndarray, "n q"]) -> Float[np.ndarray, "n q"]:
-    """Columns of unit length."""
-    return columns / np.maximum(np.linalg.norm(columns, axis=0), _FLOOR)
-
-
-def visibility(columns: Float[np.ndarray, "n q"], fitted: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " q"]:
-    """Part of each column's length that the fitted parameters cannot imitate."""
-    return np.linalg.norm(project_out(unit_columns(columns), independent(fitted)), axis=0)
-
-
 def shrunk(
     shares: Float[np.ndarray, " axis"], signal: float
 ) -> tuple[Float[np.ndarray, " axis"], Float[np.ndarray, " axis"]]:
@@ -361,35 +371,6 @@ def _own_axes(
     # Axes of no variance take nothing, wherever they point.
     variance = np.maximum(variance, 1e-12 * variance[:, -1:])
     return columns @ turn / np.sqrt(variance)[:, None, :], variance / np.sum(variance, axis=1, keepdims=True)
-
-
-def visible_columns(columns: Float[np.ndarray, "n q"], basis: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n r"]:
-    """A direction as it is; of a process, what the fit leaves of each column, as long as the column is.
-
-    Columns are taken in order of their length, each less what those before it can do: a coarse correction that the
-    fitted parameters imitate but for a hundredth is still believed before a fine one.
-    """
-    lengths = np.linalg.norm(columns, axis=0)
-    if columns.shape[1] == 1:
-        visible = np.linalg.norm(project_out(columns, basis)) > _ROUNDING * lengths[0]
-        return columns / lengths[0] if visible else columns[:, :0]
-    order = np.argsort(-lengths, kind="stable")
-    order = order[lengths[order] > 0.0]
-    spread, found = [], np.zeros((len(columns), 0))
-    for column in order:
-        left = project_out(columns[:, [column]] / lengths[column], basis)
-        # Twice: once is not enough where next to nothing is left.
-        rest = project_out(project_out(left, found), found)
-        length = float(np.linalg.norm(rest))
-        if length > _VISIBLE:
-            spread.append(lengths[column])
-            found = np.concatenate([found, rest / length], axis=1)
-    return found * np.array(spread) / spread[0] if spread else found
-
-
-def project_out(columns: Float[np.ndarray, "n m"], basis: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n m"]:
-    """Columns without what an orthonormal basis holds of them."""
-    return columns - basis @ (basis.T @ columns)
 
 
 def _keep(rows, found, index, likelihood, noise):

@@ -8,7 +8,8 @@ from jaxtyping import Float, Int
 
 from inverse.diagnosis.evidence import Evidence
 from inverse.diagnosis.free_forms import Place
-from inverse.diagnosis.screening import SIGNALS, independent, shrunk, visible_columns
+from inverse.diagnosis.projection import independent, visible_columns
+from inverse.diagnosis.screening import SIGNALS, shrunk
 
 _SIZES = (*SIGNALS, 25.0, 50.0, 100.0, 200.0)
 """Sizes of a correction that is drawn: of one far above the noise nothing is held back."""

@@ -6,7 +6,8 @@ from jaxtyping import Complex, Float, Int
 from inverse.datasets.dma import frequency_groups
 from inverse.datasets.dma_checks import SWEEP_GAP
 from inverse.diagnosis.free_forms import COARSE, FINE, LENGTHS, Place, process
-from inverse.diagnosis.screening import Alternative, unit_columns
+from inverse.diagnosis.projection import unit_columns
+from inverse.diagnosis.screening import Alternative
 
 MOST_TERMS = 100
 """Directions of one correction beyond which it takes more time than it is worth."""

@@ -25,7 +25,8 @@ from inverse.datasets.dma import frequency_groups
 from inverse.diagnosis.dma.problem import DmaProblem
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.noise_gate import GATE_LEVEL, REPLICATES_OF_SIZES
-from inverse.diagnosis.screening import Alternative, independent, project_out, unit_columns
+from inverse.diagnosis.projection import independent, project_out, unit_columns
+from inverse.diagnosis.screening import Alternative
 
 _SHARE = 0.25
 """Of the data to spare, that effects may take before the rest counts as noise."""

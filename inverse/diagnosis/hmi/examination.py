@@ -18,14 +18,15 @@ from inverse.diagnosis.examination import (
 )
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.fitting import Fitting, HmiFit, moved_by
-from inverse.diagnosis.hmi.free_forms import hmi_free_forms
+from inverse.diagnosis.hmi.free_forms import hmi_free_forms, hmi_local_forms, of_all_data
 from inverse.diagnosis.hmi.problem import Effect, HmiDiagnosisProblem
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_full
 from inverse.diagnosis.hmi.rough_fit import RoughFit, in_full, rough_fits
 from inverse.diagnosis.hmi.twin import spanning, twin_strength
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.screening import Alternative, Screen, independent, project_out
+from inverse.diagnosis.projection import independent, project_out
+from inverse.diagnosis.screening import Alternative, Screen
 
 
 def examine_hmi(
@@ -64,11 +65,8 @@ def examine_hmi(
     seen, not_testable = visible_alternatives(found, fitted, spread, causes)
     require_seen(asked, [one.name for one in seen], not_testable)
     forms, places = hmi_free_forms(problem.rows, problem.rows.log_displacement - null.of_readings / problem.weights)
-    believed = len(residuals) - len(problem.rows)
-    forms = [
-        dataclasses.replace(one, directions=np.pad(problem.weights[:, None] * one.directions, [(0, believed), (0, 0)]))
-        for one in forms
-    ]
+    forms = of_all_data(forms, problem.weights, len(residuals))
+    local_forms = of_all_data(hmi_local_forms(problem.rows), problem.weights, len(residuals))
 
     effects = [one for one in found if any(one is other for other in seen)]
     rough = rough_fits_of(null, noise, effects, family, size, corrected=corrected)
@@ -98,6 +96,7 @@ def examine_hmi(
         level=level,
         replicates=replicates,
         few=True,
+        local_forms=local_forms,
     )
     return Examined(
         causes=tuple(causes),

@@ -1,9 +1,12 @@
 """Corrections of no name to curves of displacement: they tell where a model is wrong when no cause explains it."""
 
+import dataclasses
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Bool, Float
 
-from inverse.diagnosis.free_forms import COARSE, LENGTHS, Place, process
+from inverse.diagnosis.free_forms import COARSE, LENGTHS, Place, bumps, process
 from inverse.diagnosis.hmi.courses import HmiRows
 from inverse.diagnosis.screening import Alternative
 
@@ -44,6 +47,27 @@ def hmi_free_forms(rows: HmiRows, log_predicted: Float[np.ndarray, " row"]) -> t
         at = _taken_at(temperature, value).astype(float)
         add(f"at-{value:.4g}", f"at {value:.3g} degC in all sonications", at[:, None])
     return found, places
+
+
+def hmi_local_forms(rows: HmiRows) -> list[Alternative]:
+    """Corrections at one temperature in all sonications, wider than a reading: for the odds of no name alone.
+
+    Args:
+        rows: What was measured.
+    """
+    return [Alternative(f"local-{number}", bump[:, None]) for number, bump in enumerate(bumps(rows.temperature))]
+
+
+def of_all_data(forms: Sequence[Alternative], weights: Float[np.ndarray, " row"], count: int) -> list[Alternative]:
+    """Corrections of weighted readings; of the data after them, which are what is believed of constants, none.
+
+    Args:
+        forms: Of readings.
+        weights: Of these.
+        count: Of all data.
+    """
+    after = [(0, count - len(weights)), (0, 0)]
+    return [dataclasses.replace(one, directions=np.pad(weights[:, None] * one.directions, after)) for one in forms]
 
 
 def _mean_by(values, keys):

@@ -34,7 +34,8 @@ from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.fitting import Fitting, HmiFit
 from inverse.diagnosis.hmi.problem import Effect, farthest
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.screening import Alternative, Screen, visibility
+from inverse.diagnosis.projection import visibility
+from inverse.diagnosis.screening import Alternative, Screen
 
 _MOST_STEPS = 8
 _TOLERANCE = 1e-2

@@ -14,7 +14,8 @@ from inverse.diagnosis.dma.causes.slip import Slip
 from inverse.diagnosis.dma.extended_fit import fit_extended
 from inverse.diagnosis.dma.problem import dma_problem
 from inverse.diagnosis.noise import noise_family
-from inverse.diagnosis.screening import Alternative, Screen, independent, unit_columns, visibility
+from inverse.diagnosis.projection import independent, unit_columns, visibility
+from inverse.diagnosis.screening import Alternative, Screen
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL
 from tests.blind import dma_generator as blind
 

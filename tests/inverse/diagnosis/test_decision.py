@@ -12,7 +12,8 @@ from inverse.diagnosis.diagnosis import _status
 from inverse.diagnosis.evidence import ALLOWANCE, evidence
 from inverse.diagnosis.free_forms import Place
 from inverse.diagnosis.noise import noise_family, series
-from inverse.diagnosis.rule import LEAD_OF_FREE_FORMS, SET_LEVEL, UNEXPLAINED_LEVEL, enough, least_p
+from inverse.diagnosis.odds import Odds
+from inverse.diagnosis.rule import ALLOWED, MOST_OF_PAIR, SET_LEVEL, UNEXPLAINED_LEVEL, enough
 from inverse.diagnosis.screening import Alternative, Screen
 from inverse.diagnosis.where import absorbed_by_places
 
@@ -115,7 +116,8 @@ def test_what_looks_more_like_a_free_form_than_like_any_cause_has_no_name():
     """The cause nearest to it leaves two standard deviations of it, which is nothing conspicuous."""
     ripple, _, noise = beside_a_wave(NEAR)
     found = decided_beside_a_free_form(8.0 * ripple + noise, ripple)
-    assert found.candidates["wave"] > UNEXPLAINED_LEVEL and found.lead > LEAD_OF_FREE_FORMS
+    assert found.candidates["wave"] > UNEXPLAINED_LEVEL
+    assert found.odds.instead > ALLOWED[False].instead_at(found.odds.evidence) and found.odds.beside < 2.0
     assert found.verdict == "unexplained" and found.named == () == found.confusable
     assert found.possible == ("wave",) and found.last is found.omnibus
 
@@ -124,7 +126,7 @@ def test_an_effect_that_is_a_cause_s_is_named_though_a_free_form_resembles_it():
     ripple, wave, noise = beside_a_wave(NEAR)
     found = decided_beside_a_free_form(8.0 * wave + noise, ripple)
     assert found.omnibus.p_family[found.omnibus.free][0] < 0.05
-    assert found.lead < 0.0 and found.named == ("wave",)
+    assert found.odds.instead < 0.0 and found.named == ("wave",)
 
 
 def test_a_large_effect_that_bends_away_from_its_direction_is_named():
@@ -140,13 +142,12 @@ def test_a_large_effect_that_bends_away_from_its_direction_is_named():
         return Refitted(left, moved, float(left @ left), CAUSES)
 
     found = decided_beside_a_free_form(data, ripple, extend)
-    # Refit and free form take the same, so that they are alike.
-    assert found.omnibus.lead_of_free_forms({}) > 10.0 and abs(found.lead) < LEAD_OF_FREE_FORMS
-    assert found.verdict == "named" and found.named == ("wave",)
+    # The refit takes what the free form does, and of its kind there is one.
+    assert found.odds.instead < 0.0 and found.verdict == "named" and found.named == ("wave",)
     lost = decided_beside_a_free_form(
         data, ripple, lambda added, noise: dataclasses.replace(extend(added, noise), converged=False)
     )
-    assert lost.lead == lost.omnibus.lead_of_free_forms({}) and lost.verdict == "unexplained"
+    assert lost.odds.instead > 10.0 and lost.odds.beside == -np.inf and lost.verdict == "unexplained"
 
 
 def test_a_refit_that_is_the_worse_fit_takes_nothing_from_its_cause():
@@ -156,7 +157,7 @@ def test_a_refit_that_is_the_worse_fit_takes_nothing_from_its_cause():
         return dataclasses.replace(projected(added), misfit=1e6)
 
     found = decided_beside_a_free_form(8.0 * wave + noise, ripple, extend)
-    assert found.lead == found.omnibus.lead_of_free_forms({})
+    assert found.odds.instead == decided_beside_a_free_form(8.0 * wave + noise, ripple).odds.instead
 
 
 def test_a_free_form_has_to_be_more_improbable_than_a_cause():
@@ -168,7 +169,6 @@ def test_a_free_form_has_to_be_more_improbable_than_a_cause():
         evidence(screen, 3.0 * ripple + noise, np.random.default_rng(1), free, handicap, 400)
         for handicap in (1.0, 10.0)
     )
-    np.testing.assert_array_equal(alike.calibrated, behind.calibrated)
     assert np.all(behind.p_family[free] > alike.p_family[free])
     # Replicates have it, too: to causes free forms of noise alone count for less.
     wave = [one.name for one in screen.alternatives].index("wave")
@@ -246,40 +246,24 @@ def test_noise_is_averaged_only_where_everything_is_tested(monkeypatch):
         assert len(kinds) > 1 and set(kinds[1:]) == {1}
 
 
-def said(p_value):
-    """A test of what a cause leaves, of which the rules read this."""
-    screen = Screen(FITTED, CAUSES, FAMILY)
-    one = evidence(screen, WAVE, np.random.default_rng(1), np.zeros(len(CAUSES), dtype=bool), 1.0, 40)
-    return dataclasses.replace(one, p_value=p_value)
+def test_what_is_allowed_is_less_where_there_is_more_to_see():
+    for few, allowed in ALLOWED.items():
+        assert allowed.instead_at(-3.0) == allowed.instead_at(0.0) > allowed.instead_at(5.0) > allowed.instead_at(40.0)
+        assert allowed.instead_at(40.0) == allowed.instead_at(15.0) < 0.0
+        for seen in (0.0, 8.0, 60.0):
+            most = allowed.instead_at(seen)
+            assert enough(Odds(most, allowed.beside, seen), few=few)
+            assert not enough(Odds(most + 1e-9, -np.inf, seen), few=few)
+            assert not enough(Odds(-np.inf, allowed.beside + 1e-9, seen), few=few)
 
 
-def test_of_few_data_the_more_is_asked_for_the_better_a_free_form_does():
-    nothing, little, much, worst = (said(p_value) for p_value in (0.6, 0.15, 0.04, 0.009))
-    # Neither is conspicuous by itself, and of few data both together are.
-    assert enough([little], 0.3, few=False) and not enough([little], 0.3, few=True)
-    # What is left is conspicuous, and every free form by far the worse: of few data that makes up for it.
-    assert not enough([much], -6.0, few=False) and enough([much], -6.0, few=True)
-    # The other way round, up to a point.
-    assert not enough([nothing], 0.6, few=False) and enough([nothing], 0.6, few=True)
-    assert not enough([nothing], 4.0, few=True) and not enough([nothing], np.inf, few=True)
-    # What is ruled out stays so, however bad every free form is.
-    assert least_p(-np.inf) == least_p(-60.0) == SET_LEVEL and not enough([worst], -np.inf, few=True)
-    for few in (False, True):
-        assert enough([nothing, worst], -1.0, few=few) and not enough([], -1.0, few=few)
-    # The best fit speaks for few data, and for many any that leaves nothing.
-    assert enough([worst, nothing], -1.0, few=False) and not enough([worst, nothing], -1.0, few=True)
-
-
-def test_an_effect_of_no_name_that_leaves_little_and_resembles_a_free_form_no_more_than_a_cause():
-    """Half way between the two, at a t of 4: neither is conspicuous, and of few data both together are."""
-    ripple, wave, noise = beside_a_wave(0.8, seed=8)
-    between, _, _ = beside_a_wave(0.95)
-    of_many, of_few = (decided_beside_a_free_form(4.0 * between + noise, ripple, few=few) for few in (False, True))
-    assert of_many.named == ("wave",) and of_few.verdict == "unexplained" and of_few.possible == ("wave",)
-    # Neither leads: by replicates alone it is 0.2 to either side.
-    assert abs(of_few.lead) < LEAD_OF_FREE_FORMS and of_few.candidates["wave"] > UNEXPLAINED_LEVEL
-    of_few = decided_beside_a_free_form(6.0 * wave + noise, ripple, few=True)
-    assert of_few.lead < 0.0 and of_few.named == ("wave",)
+def test_what_a_cause_leaves_is_told_from_noise_by_what_it_is_like():
+    """The ripple is beside the cause, far from conspicuous among all that is tried, and like nothing but a ripple."""
+    ripple, wave, noise = beside_a_wave(0.0)
+    data = 10.0 * wave + 4.2 * ripple + noise
+    alone, both = decided(data), decided_beside_a_free_form(data, ripple)
+    assert alone.named == ("wave",) and alone.odds.beside < 1.0
+    assert both.odds.beside > ALLOWED[False].beside and both.odds.instead < -10.0 and both.verdict == "unexplained"
 
 
 def test_of_few_data_the_best_fit_that_converged_speaks():
@@ -291,23 +275,6 @@ def test_of_few_data_the_best_fit_that_converged_speaks():
 
     found = decide(WAVE, FITTED, CAUSES, [], FAMILY, np.random.default_rng(1), extend=extend, few=True)
     assert next(iter(found.tests)) == "bend" and found.best_fit == "wave" and found.named == ("wave",)
-
-
-def test_of_few_data_the_answer_hangs_less_on_the_replicates_that_are_drawn():
-    """By how much a free form leads scatters half as much in four times as many."""
-    ripple, wave, noise = beside_a_wave(0.8, seed=8)
-    forms = [Alternative("ripple", ripple[:, None])]
-
-    def lead(seed, replicates):
-        found = decide(
-            4.0 * wave + noise, FITTED, CAUSES, forms, FAMILY, np.random.default_rng(seed), few=True,
-            replicates=replicates,
-        )  # fmt: skip
-        return found.lead
-
-    usual, of_many = ([lead(seed, count) for seed in range(24)] for count in (None, 400))
-    # A ratio of two deviations of 23 degrees of freedom each is below 0.7 where 0.5 is expected in 95 of 100 cases.
-    assert np.std(usual) < 0.7 * np.std(of_many)
 
 
 def test_a_refit_that_did_not_converge_rules_no_cause_out():
@@ -334,11 +301,11 @@ def far_above_noise(seed=3):
     return decide(data, fitted, causes, [ripple], family, np.random.default_rng(1))
 
 
-def test_effects_far_above_the_noise_have_an_order_and_a_lead():
+def test_effects_far_above_the_noise_have_an_order_and_odds():
     found = far_above_noise()
     assert np.all(np.isfinite(found.omnibus.log_p)) and np.min(found.omnibus.log_p) < -1000.0
     assert found.omnibus.ranked(["alike", "between", "true"])[0] == "true"
-    assert found.lead < 0.0 and found.named == ("true",)
+    assert found.odds.instead < 0.0 and found.named == ("true",)
 
 
 def test_what_leaves_no_data_explains_nothing():
@@ -414,6 +381,16 @@ def test_two_causes_at_once_are_named_together():
     assert max(found.candidates.values()) <= SET_LEVEL and found.last.p_value > PAIR_LEVEL
     # What the pair leaves is what is told of it.
     assert {one.name for one in found.last.alternatives} == {"bend"}
+
+
+def test_two_causes_do_not_explain_what_is_more_like_a_correction_of_no_name():
+    """The same data, where there is a correction that is both of them at once."""
+    data = two_at_once(0.5)
+    basis = np.linalg.qr(np.column_stack([FITTED, *(one.directions for one in CAUSES)]))[0]
+    form = basis[:, 2:4] @ np.array([15.0, 12.0])
+    found = decided_beside_a_free_form(data, form)
+    assert max(found.candidates.values()) <= SET_LEVEL
+    assert found.verdict == "unexplained" and found.explanations == () and found.odds.instead > 10.0 > MOST_OF_PAIR
 
 
 def test_a_pair_explains_only_what_it_leaves_inconspicuous_at_a_level_of_its_own():

@@ -7,7 +7,8 @@ from scipy import stats
 from inverse.diagnosis.dma.causes import DMA_CAUSES
 from inverse.diagnosis.examination import DETECTABLE, visible_alternatives
 from inverse.diagnosis.noise import LOG_PRIOR_OF_STEP, noise_family, series
-from inverse.diagnosis.screening import SIGNALS, Alternative, Screen, independent, visibility, visible_columns
+from inverse.diagnosis.projection import independent, visibility, visible_columns
+from inverse.diagnosis.screening import SIGNALS, Alternative, Screen
 from inverse.diagnosis.where import absorbed
 
 RNG = np.random.default_rng(5)

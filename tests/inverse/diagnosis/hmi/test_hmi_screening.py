@@ -24,7 +24,8 @@ from inverse.diagnosis.hmi.fitting import Fitting, moved_by
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import again_from, fit_hmi
 from inverse.diagnosis.hmi.rough_fit import best_of_each, in_full, rough_fits
-from inverse.diagnosis.screening import Screen, independent, unit_columns
+from inverse.diagnosis.projection import independent, unit_columns
+from inverse.diagnosis.screening import Screen
 from inverse.figures.hmi_diagnosis import hmi_diagnosis_figure
 from inverse.figures.residuals import residuals_figure
 from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, at_strength, curves, looked_for_in, measured_with, white
