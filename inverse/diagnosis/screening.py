@@ -23,7 +23,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy import special
 
 from arfjax import InputError
 from inverse.diagnosis.noise import LOG_PRIOR_OF_CORRELATION, Noise
@@ -188,7 +187,9 @@ class Screen:
         taken = signal**2 / (1.0 + signal**2)
         rest = total - taken * along**2
         upwards = self._signs * along * np.sqrt(taken * self.freedom / np.maximum(rest, _FLOOR))
-        side = np.where(self._signs == 0, 0.0, np.log(2.0) + special.log_ndtr(upwards))
+        beyond = log_p_of_t(np.abs(upwards), self.freedom)
+        side = np.where(upwards < 0.0, beyond, np.log1p(-np.exp(beyond))) + np.log(2.0)
+        side = np.where(self._signs == 0, 0.0, side)
         return self._likelihood(prepared, rest) - 0.5 * np.log1p(signal**2) + side
 
     def _of_processes(self, prepared: _Prepared, total, squares, signal: float) -> Float[np.ndarray, "process batch"]:
