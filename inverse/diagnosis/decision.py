@@ -19,9 +19,8 @@ r"""From statistics to a verdict, at stated error rates.
 """
 
 import dataclasses
-import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -226,16 +225,13 @@ def decide(
     alone = {name: put_in([omnibus.alternatives[best[name]]]) for name in worth[:_CONSIDERED]}
     alone = dict(sorted(alone.items(), key=lambda item: item[1].misfit))
     converged = [name for name, one in alone.items() if one.converged]
-    forms = [*free_forms, *local_forms]
-    null = weighed(residuals, fitted, causes, forms, family)
-    null = null.gained({name: gained(name, one) for name, one in alone.items()})
-
-    @functools.cache
-    def beside(name: str) -> Weighed:
-        fit = alone[name].fit
-        return weighed(fit.residuals, fit.directions, alone[name].others, forms, family)
-
     best_fit = converged[0] if converged else ""
+
+    def weigh(left, moved, remaining: Sequence[Alternative]) -> Weighed:
+        return weighed(left, moved, remaining, [*free_forms, *local_forms], family)
+
+    gains = {name: gained(name, one) for name, one in alone.items()}
+    scales = _Scales(weigh(residuals, fitted, causes).gained(gains), alone, best_fit, weigh)
     found = Decision(
         verdict="unexplained",
         omnibus=omnibus,
@@ -244,17 +240,14 @@ def decide(
         explanations=(),
         tests={name: one.left for name, one in alone.items()},
         last=omnibus,
-        odds=odds(null, best_fit, beside(best_fit) if best_fit else None),
+        odds=scales.of_one(),
         few=few,
         best_fit=best_fit,
         unsettled=tuple(name for name in alone if name not in converged),
     )
-    singles = {(name,): one for name, one in alone.items()} if enough(found.odds, few=few) else {}
-
-    def odds_of(first: str, second: str) -> float:
-        return odds_of_pair(null, best_fit, beside(best_fit), first, beside(first), second) if best_fit else math.inf
-
-    return _concluded(found, _explanations(singles) or _explanations(_pairs(found, put_in, names, odds_of), PAIR_LEVEL))
+    singles = _explanations({(name,): one for name, one in alone.items()}) if enough(found.odds, few=few) else {}
+    pairs = {} if singles else _pairs(found, put_in, names, scales)
+    return _concluded(found, singles or _explanations(pairs, PAIR_LEVEL))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -279,6 +272,33 @@ class _Tried:
         return self.fit.misfit
 
 
+class _Scales:
+    """Causes weighed against corrections of no name: about the fit, and beside each cause that was put into it."""
+
+    def __init__(
+        self, null: Weighed, alone: Mapping[str, _Tried], best_fit: str, weigh: Callable[..., Weighed]
+    ) -> None:
+        self._null, self._alone, self._best_fit, self._weigh = null, alone, best_fit, weigh
+        self._beside: dict[str, Weighed] = {}
+
+    def of_one(self) -> Odds:
+        """Of a correction of no name over one cause."""
+        return odds(self._null, self._best_fit, self._with(self._best_fit) if self._best_fit else None)
+
+    def of_pair(self, first: str, second: str) -> float:
+        """Of a correction of no name over two; against all where nothing tells what the best fit leaves."""
+        if not self._best_fit:
+            return math.inf
+        best, with_first = self._with(self._best_fit), self._with(first)
+        return odds_of_pair(self._null, self._best_fit, best, first, with_first, second)
+
+    def _with(self, name: str) -> Weighed:
+        if name not in self._beside:
+            one = self._alone[name]
+            self._beside[name] = self._weigh(one.fit.residuals, one.fit.directions, one.others)
+        return self._beside[name]
+
+
 def _explanations(tried: dict[tuple[str, ...], _Tried], level: float = SET_LEVEL) -> dict[tuple[str, ...], Evidence]:
     """Fits that are not ruled out, best first, if one of them leaves nothing conspicuous at a level."""
     fits = {names: one for names, one in tried.items() if one.converged}
@@ -300,7 +320,7 @@ def _pairs(
     found: Decision,
     put_in: Callable[[Sequence[Alternative]], _Tried],
     names: Sequence[str],
-    odds_of: Callable[[str, str], float],
+    scales: _Scales,
 ) -> dict[tuple[str, ...], _Tried]:
     """Pairs of which each cause is needed beside the other, put into the model."""
     tried: dict[tuple[str, ...], _Tried] = {}
@@ -316,6 +336,6 @@ def _pairs(
             if pair in tried or (other is not None and back is not None and abs(other.statistics[back]) < NEEDED):
                 continue
             start = found.omnibus.best(first)
-            if start is not None and odds_of(first, second) <= MOST_OF_PAIR:
+            if start is not None and scales.of_pair(first, second) <= MOST_OF_PAIR:
                 tried[pair] = put_in([found.omnibus.alternatives[start], left.alternatives[row]])
     return tried

@@ -176,13 +176,13 @@ def _by_the_odds(decision: Decision) -> str:
     asked = allowed.instead_at(odds.evidence)
     if odds.instead > asked:
         return (
-            "The data are more like a correction of no name than like any of the causes: by "
+            "A correction of no name is too probable in the place of all causes: by its odds of "
             f"{odds.instead:+.2g} nat, strengths and noise averaged over, where {asked:+.2g} are allowed."
         )
     if odds.beside > allowed.beside:
         return (
-            f"{decision.best_fit} fits best, and what it leaves is more like a correction of no name than like noise: "
-            f"by {odds.beside:+.2g} nat, strengths and noise averaged over, where {allowed.beside:+.2g} are allowed."
+            f"{decision.best_fit} fits best, and a correction of no name is too probable beside it: by its odds of "
+            f"{odds.beside:+.2g} nat, strengths and noise averaged over, where {allowed.beside:+.2g} are allowed."
         )
     return ""
 

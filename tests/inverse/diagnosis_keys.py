@@ -4,10 +4,10 @@ KEYS = (
     "schema_version verdict level omnibus causes named confusable explanations not_testable gain constants noise where "
     "links whiteness unexplained audit notes model seed versions separation"
 ).split()
-SCHEMA_VERSION = 8
+SCHEMA_VERSION = 9
 
 INSIDE = {
-    "omnibus": "statistic p_value lead_of_free_forms".split(),
+    "omnibus": "statistic p_value odds_of_no_name".split(),
     "causes": (
         "name place p_value p_value_alone statistic estimate interval unit shape shape_means detectability status "
         "p_value_of_the_rest converged physics source"

@@ -25,7 +25,9 @@ from inverse.diagnosis.content import as_json
 from inverse.diagnosis.dma import diagnosis as dma_diagnosis
 from inverse.diagnosis.dma.problem import dma_problem
 from inverse.diagnosis.gain import Gain
+from inverse.diagnosis.odds import Odds
 from inverse.diagnosis.report import pairs_in_question, report
+from inverse.diagnosis.rule import ALLOWED
 from inverse.figures.diagnosis import LABELS
 from inverse.figures.residuals import residuals_figure
 from inverse.resolution import RESOLUTION, as_measured
@@ -307,7 +309,9 @@ def test_the_command_writes_each_of_two_files_into_its_folder(file, tmp_path, mo
 def test_that_no_cause_was_likely_enough_to_be_tried_is_said(file):
     found = inverse.diagnose(file, causes=["slip"], gain=False).details
     assert found.decision is not None
-    decision = dataclasses.replace(found.decision, verdict="unexplained", explanations=(), candidates={}, lead=9.0)
+    decision = dataclasses.replace(
+        found.decision, verdict="unexplained", explanations=(), candidates={}, odds=Odds(9.0, -math.inf, 0.0)
+    )
     text = report(dataclasses.replace(found, verdict="unexplained", decision=decision), "these data", [])
     assert "None of the causes that were looked for is likely enough" in text and "9 nat" not in text
     unseen = dataclasses.replace(found, verdict="unexplained", decision=decision, causes=())
@@ -332,54 +336,39 @@ def test_columns_that_are_not_used_are_named(file, tmp_path):
     assert inverse.diagnose(file, causes=["slip"], gain=False).remarks == ()
 
 
-@pytest.mark.parametrize("lead", [0.4, 2.0])
-def test_it_is_said_that_a_cause_is_not_named_for_a_correction_that_describes_the_data_better(file, lead):
+@pytest.mark.parametrize("few", [False, True])
+@pytest.mark.parametrize(("over", "instead"), [(-0.1, True), (0.1, True), (0.1, False)])
+def test_it_is_said_that_a_cause_is_not_named_for_a_correction_that_is_more_probable(file, few, over, instead):
     found = inverse.diagnose(file, causes=["slip"], gain=False).details
     assert found.decision is not None
+    limits = ALLOWED[few]
+    odds = Odds(limits.instead_at(9.0) + (over if instead else -1.0), -0.3 if instead else limits.beside + over, 9.0)
     decision = dataclasses.replace(
-        found.decision, verdict="unexplained", explanations=(), candidates={"slip": 0.3}, lead=lead
-    )
+        found.decision, verdict="unexplained", explanations=(), candidates={"slip": 0.3}, odds=odds, few=few,
+        best_fit="slip",
+    )  # fmt: skip
     slip = dataclasses.replace(found.causes[0], status="possible", left=0.3, converged=True)
     conspicuous, lost = dataclasses.replace(slip, left=0.02), dataclasses.replace(slip, converged=False)
     found = dataclasses.replace(found, verdict="unexplained", decision=decision, causes=(slip,))
-    better, named = "A correction of no name describes these data better", "slip would leave nothing conspicuous, and"
+    in_place, beside = (
+        "The data are more like a correction of no name",
+        "slip fits best, and what it leaves is more like",
+    )
+    number, allowed = (odds.instead, limits.instead_at(9.0)) if instead else (odds.beside, limits.beside)
+    numbers = f"by its odds of {number:+.2g} nat, strengths and noise averaged over, where {allowed:+.2g} are allowed."
+    named = "slip would leave nothing conspicuous, and is not named for this reason."
     text = report(found, "these data", [])
-    assert (better in text) == (named in text) == (lead > 0.5)
-    assert as_json(found)["omnibus"]["lead_of_free_forms"] == lead
+    assert (in_place in text) == (over > 0.0 and instead) and (beside in text) == (over > 0.0 and not instead)
+    assert (numbers in text) == (named in text) == (over > 0.0)
+    assert as_json(found)["omnibus"]["odds_of_no_name"] == {
+        "instead": odds.instead, "beside": odds.beside, "evidence": 9.0
+    }  # fmt: skip
     for other in (conspicuous, lost):
         text = report(dataclasses.replace(found, causes=(other,)), "these data", [])
-        assert named not in text and (better in text) == (lead > 0.5)
-    assert better not in report(dataclasses.replace(found, verdict="confusable"), "these data", [])
-    nothing = dataclasses.replace(found, causes=(), decision=dataclasses.replace(decision, lead=math.inf))
-    assert better not in report(nothing, "these data", []) and "inf nat" not in report(nothing, "these data", [])
-
-
-@pytest.mark.parametrize(
-    ("lead", "asked"), [(0.4, "0.29 is asked for"), (-2.0, "0.13 is asked for"), (9.0, "none would do")]
-)
-def test_of_few_data_it_is_said_what_the_best_fitting_cause_leaves_and_would_have_to(file, lead, asked):
-    found = inverse.diagnose(file, causes=["slip", "drying"], gain=False).details
-    assert found.decision is not None
-    given = {"drying": 0.3, "slip": 0.08}
-    left = {name: dataclasses.replace(found.decision.omnibus, p_value=p_value) for name, p_value in given.items()}
-    decision = dataclasses.replace(
-        found.decision, verdict="unexplained", explanations=(), candidates=given, tests=left,
-        lead=lead, few=True, best_fit="slip",
-    )  # fmt: skip
-    found = dataclasses.replace(found, verdict="unexplained", decision=decision)
-    said = f"slip fits best; what it leaves has a p of 0.08, where {asked}: the better"
-    text = report(found, "these data", [])
-    assert said in text and f"is {lead:+.2g} nat)" in text and "describes these data better than any" not in text
-    # Where what it leaves rules it out, or no refit converged, the table says so.
-    ruled_out = {**left, "slip": dataclasses.replace(left["slip"], p_value=0.005)}
-    for other in (dataclasses.replace(decision, tests=ruled_out), dataclasses.replace(decision, best_fit="")):
-        assert "fits best" not in report(dataclasses.replace(found, decision=other), "these data", [])
-    # But not why another one, which leaves little, is not named.
-    drying = next(one for one in found.causes if one.cause.name == "drying")
-    drying = dataclasses.replace(drying, status="possible", left=0.3, converged=True)
-    found = dataclasses.replace(found, decision=dataclasses.replace(decision, tests=ruled_out), causes=(drying,))
-    said = "slip fits best, and is ruled out by what it leaves; of so few data only the best-fitting one counts. drying"
-    assert said in report(found, "these data", [])
+        assert named not in text and (numbers in text) == (over > 0.0)
+    named_now = report(dataclasses.replace(found, verdict="confusable"), "these data", [])
+    nothing = report(dataclasses.replace(found, causes=()), "these data", [])
+    assert all("nat, strengths" not in text for text in (named_now, nothing))
 
 
 def test_it_is_said_which_model_leaves_what_and_whose_strengths_are_of_two(file):
