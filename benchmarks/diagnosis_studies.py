@@ -108,8 +108,6 @@ DMA_STUDY = Study(
         _DMA_HIDDEN,
         _ONE_DESIGN,
         _DMA_NOISES,
-        "That a correction of no name has to describe the data no better than a cause costs true causes little: of 431 "
-        "data sets of d' 4.5 and 6 (seeds from 1400000) three were called `unexplained` for that alone.",
         _SAME_NUMBERS,
         _DETECTION.format("", 91.7, "1.0", 720, 96.1, 93.8),
         _LEFT_OUT.format(35),

@@ -44,9 +44,7 @@ REPLICATES = 400
 _BEYOND = 20
 """Of them that are beyond a lower level, as at this one."""
 _OF_FEW = 4
-"""Times as many where data are few, which they take 0.5 s of. In 400 the lead of free forms scatters by 0.4 nat and p
-by a third there: the paper's eleven values were `confusable` with 9 of 12 seeds of replicates, `adequate` with 2 and
-`unexplained` with 1; in 1600 they are `confusable` with all 12."""
+"""Times as many where data are few, which they take 0.5 s of: in 400 a p near what decides scatters by a third."""
 _CONSIDERED = 6
 """Causes that are put into the model, best first."""
 _FIRST, _SECOND = 3, 3

@@ -1,9 +1,13 @@
 """Which states a fast curve learns its pushes from."""
 
+import inspect
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from arfjax import InputError
+from arfjax.protocols import fast_preparation
 from arfjax.protocols.fast_curve import FEATURES
 from arfjax.protocols.fast_preparation import _box, _far_apart, _places, _States
 from arfjax.protocols.sound_table import Interval
@@ -61,3 +65,23 @@ def test_a_box_ends_where_the_table_of_sound_does(states, feature, change, cover
     values[0, feature] += change
     excess = _box(states, OF_SOUND).excess(jnp.asarray(values), jnp.ones(values.shape, dtype=bool))
     assert (float(excess) <= 1.0) is covered
+
+
+def test_draws_of_which_none_can_be_followed_are_refused(monkeypatch):
+    """One feature that is not a number at one of two temperatures, in each draw; absent ones count for nothing."""
+    present = np.ones((2, len(FEATURES)), dtype=bool)
+    present[:, LENGTH:] = False
+
+    def features_of(_fast, _protocol, temperatures):
+        broken = jnp.zeros((len(temperatures), len(FEATURES))).at[1, 2].set(jnp.nan).at[:, LENGTH].set(jnp.nan)
+        return lambda draw: (broken * draw, present)
+
+    monkeypatch.setattr(fast_preparation, "_features_of", features_of)
+    states_of = inspect.unwrap(fast_preparation._states)  # types of what is not looked at here are not either
+    protocols = [(None, np.array([40.0, 50.0]))]
+    with pytest.raises(InputError) as refused:
+        states_of(None, [1.0, 2.0], protocols, lambda *_: None)
+    message = str(refused.value)
+    assert "of 2 draws none can be followed" in message and FEATURES[2] in message and FEATURES[LENGTH] not in message
+    monkeypatch.setattr(fast_preparation, "_features_of", lambda *_: lambda draw: (draw * present, present))
+    assert len(states_of(None, [1.0, 2.0], protocols, lambda *_: None).values) == 4
