@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from benchmarks.diagnosis_studies import Bound, Study
 from benchmarks.diagnosis_summary import SEEN
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
-from inverse.diagnosis.rule import ALLOWED, FOR_EVIDENCE, MOST_EVIDENCE, MOST_OF_PAIR, SET_LEVEL, UNEXPLAINED_LEVEL
+from inverse.diagnosis.rule import ALLOWED, MOST_EVIDENCE, MOST_OF_PAIR, SET_LEVEL, UNEXPLAINED_LEVEL
 
 _COLOURS = {"unexplained": "#2a7f62", "confusable": "#e0b04a", "named": "#c0392b", "not found": "#b8bcc2"}
 _WORDS = {
@@ -26,7 +26,7 @@ def _by_odds(few: bool) -> str:
     allowed = ALLOWED[few]
     return (
         "if a correction of no name is more probable in place of all causes, by more nats than are allowed "
-        f"({allowed.instead:g}, less {FOR_EVIDENCE:g} for each of the first {MOST_EVIDENCE:g} of the evidence), or "
+        f"({allowed.instead:g}, less {allowed.for_evidence:g} for each of the first {MOST_EVIDENCE:g} of evidence), or "
         f"beside the one that fits best, by more than {allowed.beside:g}, or if all are ruled out; and if no pair is "
         f"more probable than that, by {-MOST_OF_PAIR:g} nat"
     )

@@ -248,8 +248,9 @@ def test_noise_is_averaged_only_where_everything_is_tested(monkeypatch):
 
 def test_what_is_allowed_is_less_where_there_is_more_to_see():
     for few, allowed in ALLOWED.items():
-        assert allowed.instead_at(-3.0) == allowed.instead_at(0.0) > allowed.instead_at(5.0) > allowed.instead_at(40.0)
-        assert allowed.instead_at(40.0) == allowed.instead_at(15.0) < 0.0
+        ascending = [allowed.instead_at(seen) for seen in (40.0, 15.0, 5.0, 0.0, -3.0)]
+        assert ascending == sorted(ascending) and ascending[0] == ascending[1] and ascending[3] == ascending[4]
+        assert (ascending[1] < ascending[2] < ascending[3]) == few
         for seen in (0.0, 8.0, 60.0):
             most = allowed.instead_at(seen)
             assert enough(Odds(most, allowed.beside, seen), few=few)

@@ -350,10 +350,8 @@ def test_it_is_said_that_a_cause_is_not_named_for_a_correction_that_is_more_prob
     slip = dataclasses.replace(found.causes[0], status="possible", left=0.3, converged=True)
     conspicuous, lost = dataclasses.replace(slip, left=0.02), dataclasses.replace(slip, converged=False)
     found = dataclasses.replace(found, verdict="unexplained", decision=decision, causes=(slip,))
-    in_place, beside = (
-        "The data are more like a correction of no name",
-        "slip fits best, and what it leaves is more like",
-    )
+    in_place = "A correction of no name is too probable in the place of all causes"
+    beside = "slip fits best, and a correction of no name is too probable beside it"
     number, allowed = (odds.instead, limits.instead_at(9.0)) if instead else (odds.beside, limits.beside)
     numbers = f"by its odds of {number:+.2g} nat, strengths and noise averaged over, where {allowed:+.2g} are allowed."
     named = "slip would leave nothing conspicuous, and is not named for this reason."
