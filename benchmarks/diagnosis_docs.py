@@ -24,11 +24,12 @@ _WORDS = {
 
 def _by_odds(few: bool) -> str:
     allowed = ALLOWED[few]
+    less = f", less {allowed.for_evidence:g} for each of the first {MOST_EVIDENCE:g} nats of evidence"
     return (
         "if a correction of no name is more probable in place of all causes, by more nats than are allowed "
-        f"({allowed.instead:g}, less {allowed.for_evidence:g} for each of the first {MOST_EVIDENCE:g} of evidence), or "
-        f"beside the one that fits best, by more than {allowed.beside:g}, or if all are ruled out; and if no pair is "
-        f"more probable than that, by {-MOST_OF_PAIR:g} nat"
+        f"({allowed.instead:g}{less if allowed.for_evidence else ' of any evidence'}), or beside the one that fits "
+        f"best, by more than {allowed.beside:g}, or if all are ruled out; and if no pair is more probable than that, "
+        f"by {-MOST_OF_PAIR:g} nat"
     )
 
 
