@@ -167,14 +167,14 @@ def decide(
         replicates: Data sets of noise alone that the levels are calibrated on: if not said, see `replicates_at`.
         few: Whether data are so few that the likeliest kind of noise is often another one than theirs: replicates of
             the test of everything are in noise of all kinds then, each as often as it is likely, with the `ALLOWANCE`;
-            and what explains them has a rule of its own.
+            and what is enough to explain them has limits of its own.
         local_forms: More corrections of no name, which are weighed against causes only.
 
     Raises:
         InputError: if a cause has the name of a free form.
     """
     names = list(dict.fromkeys(cause.name for cause in causes))
-    without_cause = {free_form.name for free_form in free_forms}
+    without_cause = {free_form.name for free_form in [*free_forms, *local_forms]}
     if both := without_cause.intersection(names):
         raise InputError(f"the cause {min(both)} has the name of a correction of no name: give it another.")
     count = replicates_at(level, few=few) if replicates is None else replicates

@@ -4,7 +4,7 @@ Tests ask whether what a cause leaves could be noise. Where a wrong cause takes 
 effect as a whole is still more like something else. So both are weighed: how probable are these data if one of the
 causes is there, how probable if none of them is and the model is wrong in some other way? Strengths, shapes and noise
 are averaged over on either side, which makes a cause with many shapes, or a correction that bends a lot, pay for what
-else it could have explained; a likelihood at its best would not (O'Hagan & Forster, 2004, chapter 7).
+else it could have explained; a likelihood at its best would not (Kass & Raftery, 1995, Bayes factors, JASA 90, 773).
 
 What else there could be nobody knows. It may be smooth along some coordinate, local, in one part of the data
 (`corrections`); and it may be like a mixture of the effects that causes have, since it happens in the same physics. It
@@ -23,8 +23,8 @@ from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.projection import independent, project_out
 from inverse.diagnosis.screening import Alternative, Screen
 
-MIXTURE = "mixture"
-"""Name of the correction that is like a mixture of causes."""
+MIXTURE = "mixture of causes"
+"""Name of the correction that is like one."""
 _WHITE, _CORRELATED, _LOUDER = 0.95, 0.03, 0.02
 """What is believed of the noise: white, correlated between neighbours, or larger on one side of a step.
 

@@ -331,10 +331,12 @@ def test_nothing_else_to_look_for_is_nothing_conspicuous():
     assert found.verdict == "named" and found.candidates == {"wave": 1.0}
 
 
-def test_a_cause_must_not_have_the_name_of_a_free_form():
+@pytest.mark.parametrize("local", [False, True])
+def test_a_cause_must_not_have_the_name_of_a_free_form(local):
     ripple = Alternative("wave", np.cos(31.0 * POSITION)[:, None])
+    forms = {"free_forms": [] if local else [ripple], "local_forms": [ripple] if local else []}
     with pytest.raises(InputError, match="the cause wave has the name of a correction"):
-        decide(WAVE, FITTED, CAUSES, [ripple], FAMILY, np.random.default_rng(1))
+        decide(WAVE, FITTED, CAUSES, family=FAMILY, rng=np.random.default_rng(1), **forms)
 
 
 def test_a_weaker_second_cause_does_not_hide_the_next():
