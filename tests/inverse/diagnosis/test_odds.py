@@ -113,6 +113,9 @@ def test_many_causes_are_mixed_and_few_are_not():
     # How long the derivative of a cause is says nothing of how much of it there is.
     longer = [dataclasses.replace(causes[0], directions=1e3 * causes[0].directions), *causes[1:]]
     assert weighed(several, fitted, longer, [], family).corrections == pytest.approx(found.corrections)
+    # Nor is a cause believed in more for its shapes.
+    shapes = [dataclasses.replace(causes[0], shape=shape) for shape in (1.0, 2.0)]
+    assert weighed(several, fitted, [*shapes, *causes[1:]], [], family).corrections == pytest.approx(found.corrections)
     assert weighed(several, fitted, causes[1:], [], family).corrections == {}
 
 

@@ -7,11 +7,12 @@ import pytest
 
 from arfjax import InputError, discretise, simulate_heating
 from inverse.datasets.hmi import read_hmi
+from inverse.diagnosis.free_forms import LOCAL_WIDTHS
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows, plan_courses, require_during
 from inverse.diagnosis.hmi.diagnosis import _axes
 from inverse.diagnosis.hmi.fitting import HmiFit
-from inverse.diagnosis.hmi.free_forms import _shared, _taken_at, hmi_free_forms
+from inverse.diagnosis.hmi.free_forms import _shared, _taken_at, hmi_free_forms, hmi_local_forms, of_all_data
 from inverse.diagnosis.hmi.prepare import _notes
 from inverse.diagnosis.hmi.refit import fit_hmi
 from inverse.diagnosis.where import Absorbed
@@ -280,3 +281,26 @@ def test_what_a_curve_was_divided_by_is_said_where_it_is_not_in_the_file():
     assert "Of 1 sonications the reading" in elsewhere
     assert "were divided by that, not by one at 35 degC: 1 at 37 degC." in elsewhere
     assert "A factor of each sonication is free" in elsewhere
+
+
+def test_local_corrections_are_everywhere_and_weigh_as_readings_do():
+    temperature = np.array([37.0, 45.0, 52.0, 60.0, 80.0, 37.0, 50.0, 80.0])
+    rows = HmiRows(
+        np.zeros(8), np.repeat([0, 1], [5, 3]), ("x", "y"), temperature, np.arange(8.0), np.zeros(8, dtype=bool), None,
+        np.arange(8),
+    )  # fmt: skip
+    found = hmi_local_forms(rows)
+    assert {one.name.split("-")[0] for one in found} == {"local"} and len({one.name for one in found}) == len(found)
+    bumps = np.concatenate([one.directions for one in found], axis=1)
+    # Alike in all sonications, Gaussian, and one at the least within half its width of each reading.
+    np.testing.assert_array_equal(bumps[[0, 4]], bumps[[5, 7]])
+    assert np.all(np.max(bumps, axis=1) > np.exp(-0.5 * 0.5**2) - 1e-12) and np.max(bumps) == 1.0
+    x = (temperature - 37.0) / 43.0
+    of_start = bumps[:, bumps[0] == 1.0]
+    widths = np.sort(np.sqrt(-0.5 * x[1] ** 2 / np.log(of_start[1])))
+    np.testing.assert_allclose(widths, LOCAL_WIDTHS, rtol=1e-12)
+    weights = np.linspace(1.0, 2.0, 8)
+    for before, after in zip(found, of_all_data(found, weights, 11), strict=True):
+        assert after.name == before.name and after.directions.shape == (11, 1)
+        np.testing.assert_array_equal(after.directions[:8, 0], weights * before.directions[:, 0])
+        assert not np.any(after.directions[8:])
