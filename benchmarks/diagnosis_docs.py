@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from benchmarks.diagnosis_studies import Bound, Study
 from benchmarks.diagnosis_summary import SEEN
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
-from inverse.diagnosis.rule import ALLOWED, MOST_EVIDENCE, MOST_OF_PAIR, SET_LEVEL, UNEXPLAINED_LEVEL
+from inverse.diagnosis.rule import MOST_BESIDE, MOST_INSTEAD, MOST_OF_PAIR, SET_LEVEL, UNEXPLAINED_LEVEL
 
 _COLOURS = {"unexplained": "#2a7f62", "confusable": "#e0b04a", "named": "#c0392b", "not found": "#b8bcc2"}
 _WORDS = {
@@ -22,16 +22,11 @@ _WORDS = {
 }
 
 
-def _by_odds(few: bool) -> str:
-    allowed = ALLOWED[few]
-    less = f", less {allowed.for_evidence:g} for each of the first {MOST_EVIDENCE:g} nats of evidence"
-    return (
-        "if a correction of no name is more probable in place of all causes, by more nats than are allowed "
-        f"({allowed.instead:g}{less if allowed.for_evidence else ' of any evidence'}), or beside the one that fits "
-        f"best, by more than {allowed.beside:g}, or if all are ruled out; and if no pair is more probable than that, "
-        f"by {-MOST_OF_PAIR:g} nat"
-    )
-
+_BY_ODDS = (
+    "if a correction of no name is too probable, by odds, in nats, above "
+    f"{MOST_INSTEAD:g} in place of all causes or {MOST_BESIDE:g} beside the one that fits best, or if all are ruled "
+    f"out; and if no pair of causes is more probable than that by {-MOST_OF_PAIR:g}"
+)
 
 _UNKNOWN = "detected, noise unknown"
 _KNOWN_OR_NOT = ("noise known", "noise unknown")
@@ -178,7 +173,7 @@ def page(summary: dict[str, Any], study: Study) -> str:
             *_without_data(summary),
             "What these rates rest on, and their limits:",
             "",
-            f"- A true cause is called `unexplained` {_by_odds(study.few)}. Causes that are not ruled "
+            f"- A true cause is called `unexplained` {_BY_ODDS}. Causes that are not ruled "
             f"out at {100.0 * SET_LEVEL:g} % are reported then, too, as `possible`; with them a true cause is kept.",
             "- An effect in no list is named as a cause if that leaves little enough, and no correction of no name "
             "that is looked for describes it much better. A cause that resembles it takes much of it: of an effect at "

@@ -284,7 +284,7 @@ def test_page_of_displacement_needs_no_limit_of_removed_causes(tmp_path):
     write_docs({"seeds": "test", **summarise(lines, limit)}, tmp_path, HMI_STUDY)
     page = (tmp_path / HMI_STUDY.page).read_text()
     assert "displacement" in page and "| d' = 4.5: detected, at least 93, or 3 below the limit | 0 of 1 |" in page
-    assert "(2.3, less 0.2 for each of the first 15 nats of evidence), or beside the one that fits best" in page
+    assert "above 0.8 in place of all causes or 3 beside the one that fits best" in page
     assert "| 9 | perfusion | 0 of 1 | 0 of 1 | 0 of 1 | 1 of 1 | 1 |" in page
     assert (tmp_path / HMI_STUDY.picture).stat().st_size > 10_000
 

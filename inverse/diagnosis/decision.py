@@ -243,7 +243,7 @@ def decide(
         best_fit=best_fit,
         unsettled=tuple(name for name in alone if name not in converged),
     )
-    singles = _explanations({(name,): one for name, one in alone.items()}) if enough(found.odds, few=few) else {}
+    singles = _explanations({(name,): one for name, one in alone.items()}) if enough(found.odds) else {}
     pairs = {} if singles else _pairs(found, put_in, names, scales)
     return _concluded(found, singles or _explanations(pairs, PAIR_LEVEL))
 

@@ -9,7 +9,7 @@ from inverse.diagnosis.diagnosis import CauseReport, Diagnosis
 from inverse.diagnosis.evidence import ALLOWANCE, Evidence
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 from inverse.diagnosis.noise_gate import GATE_LEVEL, REPLICATES_OF_SIZES, NoiseGate
-from inverse.diagnosis.rule import ALLOWED, SET_LEVEL, UNEXPLAINED_LEVEL
+from inverse.diagnosis.rule import MOST_BESIDE, MOST_INSTEAD, SET_LEVEL, UNEXPLAINED_LEVEL
 from inverse.diagnosis.where import LEAST_OF_WHITENESS, Absorbed
 
 _VERDICTS = {
@@ -172,17 +172,16 @@ def _beyond_causes(found: Diagnosis) -> list[str]:
 
 def _by_the_odds(decision: Decision) -> str:
     """What a correction of no name does better than a cause; nothing where the causes are ruled out by p-values."""
-    odds, allowed = decision.odds, ALLOWED[decision.few]
-    asked = allowed.instead_at(odds.evidence)
-    if odds.instead > asked:
+    odds = decision.odds
+    if odds.instead > MOST_INSTEAD:
         return (
             "A correction of no name is too probable in the place of all causes: by its odds of "
-            f"{odds.instead:+.2g} nat, strengths and noise averaged over, where {asked:+.2g} are allowed."
+            f"{odds.instead:+.2g} nat, strengths and noise averaged over, where {MOST_INSTEAD:+.2g} are allowed."
         )
-    if odds.beside > allowed.beside:
+    if odds.beside > MOST_BESIDE:
         return (
             f"{decision.best_fit} fits best, and a correction of no name is too probable beside it: by its odds of "
-            f"{odds.beside:+.2g} nat, strengths and noise averaged over, where {allowed.beside:+.2g} are allowed."
+            f"{odds.beside:+.2g} nat, strengths and noise averaged over, where {MOST_BESIDE:+.2g} are allowed."
         )
     return ""
 

@@ -13,7 +13,7 @@ from inverse.diagnosis.evidence import ALLOWANCE, evidence
 from inverse.diagnosis.free_forms import Place
 from inverse.diagnosis.noise import noise_family, series
 from inverse.diagnosis.odds import Odds
-from inverse.diagnosis.rule import ALLOWED, MOST_OF_PAIR, SET_LEVEL, UNEXPLAINED_LEVEL, enough
+from inverse.diagnosis.rule import MOST_BESIDE, MOST_INSTEAD, MOST_OF_PAIR, SET_LEVEL, UNEXPLAINED_LEVEL, enough
 from inverse.diagnosis.screening import Alternative, Screen
 from inverse.diagnosis.where import absorbed_by_places
 
@@ -117,7 +117,7 @@ def test_what_looks_more_like_a_free_form_than_like_any_cause_has_no_name():
     ripple, _, noise = beside_a_wave(NEAR)
     found = decided_beside_a_free_form(8.0 * ripple + noise, ripple)
     assert found.candidates["wave"] > UNEXPLAINED_LEVEL
-    assert found.odds.instead > ALLOWED[False].instead_at(found.odds.evidence) and found.odds.beside < 2.0
+    assert found.odds.instead > MOST_INSTEAD and found.odds.beside < MOST_BESIDE
     assert found.verdict == "unexplained" and found.named == () == found.confusable
     assert found.possible == ("wave",) and found.last is found.omnibus
 
@@ -246,16 +246,9 @@ def test_noise_is_averaged_only_where_everything_is_tested(monkeypatch):
         assert len(kinds) > 1 and set(kinds[1:]) == {1}
 
 
-def test_what_is_allowed_is_less_where_there_is_more_to_see():
-    for few, allowed in ALLOWED.items():
-        ascending = [allowed.instead_at(seen) for seen in (40.0, 15.0, 5.0, 0.0, -3.0)]
-        assert ascending == sorted(ascending) and ascending[0] == ascending[1] and ascending[3] == ascending[4]
-        assert (ascending[1] < ascending[2] < ascending[3]) == few
-        for seen in (0.0, 8.0, 60.0):
-            most = allowed.instead_at(seen)
-            assert enough(Odds(most, allowed.beside, seen), few=few)
-            assert not enough(Odds(most + 1e-9, -np.inf, seen), few=few)
-            assert not enough(Odds(-np.inf, allowed.beside + 1e-9, seen), few=few)
+def test_one_cause_is_enough_up_to_both_limits():
+    assert enough(Odds(MOST_INSTEAD, MOST_BESIDE, 9.0)) and enough(Odds(-np.inf, -np.inf, 0.0))
+    assert not enough(Odds(MOST_INSTEAD + 1e-9, -np.inf, 9.0)) and not enough(Odds(-np.inf, MOST_BESIDE + 1e-9, 9.0))
 
 
 def test_what_a_cause_leaves_is_told_from_noise_by_what_it_is_like():
@@ -264,7 +257,7 @@ def test_what_a_cause_leaves_is_told_from_noise_by_what_it_is_like():
     data = 10.0 * wave + 4.2 * ripple + noise
     alone, both = decided(data), decided_beside_a_free_form(data, ripple)
     assert alone.named == ("wave",) and alone.odds.beside < 1.0
-    assert both.odds.beside > ALLOWED[False].beside and both.odds.instead < -10.0 and both.verdict == "unexplained"
+    assert both.odds.beside > MOST_BESIDE and both.odds.instead < -10.0 and both.verdict == "unexplained"
 
 
 def test_of_few_data_the_best_fit_that_converged_speaks():
