@@ -261,9 +261,7 @@ def test_page_of_the_diagnosis_says_what_was_asked_and_what_was_measured(tmp_pat
     # Of one data set, nothing is met or not.
     assert "wrongly named, at most 5 | 0 of 1 |  |  | 1 | too few |" in page
     assert "| 9 | slip | sweep-drift | 4.0 | 99 | 90 |" in page
-    assert (
-        "by more nats than are allowed (1 of any evidence), or beside the one that fits best, by more than 3.5" in page
-    )
+    assert "above 1 in place of all causes or 3 beside the one that fits best" in page
     assert "| 9 | drying | no strength of it shows | – | – | – |" in page
     assert "at least 90 of 100, the noise unknown: d' = 9: unexplained 1 of 1, named 0 of 1" in page
     others = {"slip": left | {"noise unknown": 0.89}, "drying": left}
@@ -284,7 +282,7 @@ def test_page_of_displacement_needs_no_limit_of_removed_causes(tmp_path):
     write_docs({"seeds": "test", **summarise(lines, limit)}, tmp_path, HMI_STUDY)
     page = (tmp_path / HMI_STUDY.page).read_text()
     assert "displacement" in page and "| d' = 4.5: detected, at least 93, or 3 below the limit | 0 of 1 |" in page
-    assert "above 0.8 in place of all causes or 3 beside the one that fits best" in page
+    assert "above 1 in place of all causes or 3 beside the one that fits best" in page
     assert "| 9 | perfusion | 0 of 1 | 0 of 1 | 0 of 1 | 1 of 1 | 1 |" in page
     assert (tmp_path / HMI_STUDY.picture).stat().st_size > 10_000
 
