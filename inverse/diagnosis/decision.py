@@ -95,7 +95,6 @@ class Decision:
         tests: For each cause that was put into the model, the test of what is left.
         last: The test of what the model that the verdict ends with leaves.
         odds: Of a correction of no name over the causes.
-        few: Whether data were few.
         best_fit: The cause whose refit converged and fits best; none if that is empty.
         unsettled: Causes that were put into the model, and whose refit did not converge.
     """
@@ -108,7 +107,6 @@ class Decision:
     tests: dict[str, Evidence]
     last: Evidence
     odds: Odds
-    few: bool = False
     best_fit: str = ""
     unsettled: tuple[str, ...] = ()
 
@@ -166,8 +164,7 @@ def decide(
         level: Probability of finding something wrong where nothing is.
         replicates: Data sets of noise alone that the levels are calibrated on: if not said, see `replicates_at`.
         few: Whether data are so few that the likeliest kind of noise is often another one than theirs: replicates of
-            the test of everything are in noise of all kinds then, each as often as it is likely, with the `ALLOWANCE`;
-            and what is enough to explain them has limits of its own.
+            the test of everything are in noise of all kinds then, each as often as it is likely, with the `ALLOWANCE`.
         local_forms: More corrections of no name, which are weighed against causes only.
 
     Raises:
@@ -192,7 +189,7 @@ def decide(
 
     omnibus = test(residuals, fitted, [*causes, *free_forms], FREE_FORM_HANDICAP, averaged=few)
     if omnibus.p_value > level:
-        return Decision("adequate", omnibus, {}, {}, (), {}, omnibus, NO_ODDS, few)
+        return Decision("adequate", omnibus, {}, {}, (), {}, omnibus, NO_ODDS)
 
     ranked = omnibus.ranked(names)
     best = {name: row for name in ranked if (row := omnibus.best(name)) is not None}
@@ -239,7 +236,6 @@ def decide(
         tests={name: one.left for name, one in alone.items()},
         last=omnibus,
         odds=scales.of_one(),
-        few=few,
         best_fit=best_fit,
         unsettled=tuple(name for name in alone if name not in converged),
     )

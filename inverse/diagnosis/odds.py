@@ -188,5 +188,4 @@ def _means(kinds: Mapping[str, Sequence[float]]) -> dict[str, float]:
 
 def _log_sum(values: Sequence[float]) -> float:
     """Logarithm of the sum of exponentials; of none minus infinity."""
-    largest = max(values, default=-math.inf)
-    return largest + math.log(math.fsum(math.exp(one - largest) for one in values)) if largest > -math.inf else largest
+    return float(np.logaddexp.reduce(values, initial=-math.inf))
