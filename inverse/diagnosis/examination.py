@@ -1,6 +1,7 @@
 """A data set examined: which causes it can see, and what the tests of all of them say."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
@@ -12,7 +13,7 @@ from inverse.diagnosis.cause import Cause, Extension
 from inverse.diagnosis.decision import Decision
 from inverse.diagnosis.free_forms import Place
 from inverse.diagnosis.noise import Noise
-from inverse.diagnosis.projection import visibility
+from inverse.diagnosis.projection import independent, project_out, visibility
 from inverse.diagnosis.screening import Alternative
 
 DETECTABLE = 4.5
@@ -150,21 +151,30 @@ def extension_of(causes: Sequence[Cause], alternative: Alternative) -> Extension
 
 
 def visible_alternatives(
-    alternatives: Sequence[Alternative], fitted: Float[np.ndarray, "n p"], size: float, causes: Sequence[Cause]
+    alternatives: Sequence[Alternative],
+    residuals: Float[np.ndarray, " n"],
+    fitted: Float[np.ndarray, "n p"],
+    size: float,
+    causes: Sequence[Cause],
 ) -> tuple[list[Alternative], tuple[NotTestable, ...]]:
     """Alternatives that the data can see, and why the others cannot be seen.
 
+    Each in the noise that it would leave: by residuals as they are, a large effect would hide behind itself.
+
     Args:
         alternatives: Of every cause, in every shape.
+        residuals: Of the fit.
         fitted: Derivatives in everything that was fitted.
-        size: Of the noise, in units of the weights.
+        size: Of the residuals, in units of the weights.
         causes: That the alternatives are of.
     """
     seen, hidden = [], []
+    basis = independent(fitted)
     for cause in causes:
         shapes = [a for a in alternatives if a.name == cause.name]
         visible = [float(visibility(a.directions, fitted)[0]) for a in shapes]
-        detectable = [detectable_strength(a, v, size) for a, v in zip(shapes, visible, strict=True)]
+        sizes = [size * _part_left(a, residuals, basis) for a in shapes]
+        detectable = [detectable_strength(a, v, left) for a, v, left in zip(shapes, visible, sizes, strict=True)]
         most = [min(MOST_IMPLAUSIBLE * cause.plausible, cause.farthest(a.sign)) for a in shapes]
         usable = [
             a for a, v, d, m in zip(shapes, visible, detectable, most, strict=True) if v >= LEAST_VISIBILITY and d <= m
@@ -183,6 +193,17 @@ def visible_alternatives(
             why = _too_weak(cause, shapes[nearest].sign, detectable[nearest])
         hidden.append(NotTestable(cause.name, why, cause.helps))
     return seen, tuple(hidden)
+
+
+def _part_left(alternative: Alternative, residuals: Float[np.ndarray, " n"], basis: Float[np.ndarray, "n p"]) -> float:
+    """Standard deviation of residuals with an effect in the model over that without it: 1 for one of the other sign."""
+    left, direction = project_out(np.column_stack([residuals, alternative.directions]), basis).T
+    along = float(left @ direction)
+    if alternative.sign * along < 0.0:
+        return 1.0
+    cosine = along / max(float(np.linalg.norm(left) * np.linalg.norm(direction)), 1e-300)
+    freedom = len(residuals) - basis.shape[1]
+    return min(math.sqrt(max(1.0 - cosine**2, 0.0) * freedom / max(freedom - 1, 1)), 1.0)
 
 
 def require_seen(asked: Sequence[str], seen: Sequence[str], not_testable: Sequence[NotTestable]) -> None:

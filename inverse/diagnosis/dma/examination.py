@@ -76,7 +76,8 @@ def examine_dma(
     problem, weighing, (residuals, fitted, constants, remarks) = _begun(problem, causes, family, program)
     size = float(np.sqrt(np.sum(residuals**2) / max(len(residuals) - fitted.shape[1], 1)))
     free_forms, places = _free_forms(problem, residuals)
-    seen, not_testable = visible_alternatives(problem.directions(every_shape(causes), constants), fitted, size, causes)
+    found = problem.directions(every_shape(causes), constants)
+    seen, not_testable = visible_alternatives(found, residuals, fitted, size, causes)
     require_seen(asked, [one.name for one in seen], not_testable)
 
     def fit(extensions: Sequence[Extension], noise: Noise, start, profile: bool) -> ExtendedFit:

@@ -62,7 +62,7 @@ def examine_hmi(
     spread = noise_size(null)
     names = {cause.name for cause in causes}
     found = [one for one in problem.alternatives(null.unknowns, fitted, spread) if one.name in names]
-    seen, not_testable = visible_alternatives(found, fitted, spread, causes)
+    seen, not_testable = visible_alternatives(found, residuals, fitted, spread, causes)
     require_seen(asked, [one.name for one in seen], not_testable)
     forms, places = hmi_free_forms(problem.rows, problem.rows.log_displacement - null.of_readings / problem.weights)
     forms = of_all_data(forms, problem.weights, len(residuals))

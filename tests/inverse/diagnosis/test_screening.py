@@ -7,7 +7,7 @@ from scipy import stats
 from inverse.diagnosis.dma.causes import DMA_CAUSES
 from inverse.diagnosis.examination import DETECTABLE, visible_alternatives
 from inverse.diagnosis.noise import LOG_PRIOR_OF_STEP, noise_family, series
-from inverse.diagnosis.projection import independent, visibility, visible_columns
+from inverse.diagnosis.projection import independent, project_out, visibility, visible_columns
 from inverse.diagnosis.screening import SIGNALS, Alternative, Screen
 from inverse.diagnosis.where import absorbed
 
@@ -16,6 +16,7 @@ N = 60
 FITTED = RNG.standard_normal((N, 4))
 CAUSE = RNG.standard_normal((N, 1))
 GROUP = RNG.standard_normal((N, 3))
+NOTHING = np.zeros(N)
 POSITION = np.arange(N, dtype=float)
 ORDER = series("time", [0] * N, POSITION)
 WHITE = noise_family([ORDER], POSITION)[:1]
@@ -249,9 +250,29 @@ def test_a_cause_that_shows_only_where_it_cannot_be_is_not_testable(name, farthe
     direction = CAUSE - independent(FITTED) @ (independent(FITTED).T @ CAUSE)
     for factor, hidden in ((0.99, False), (1.01, True)):
         size = factor * farthest * float(np.linalg.norm(direction)) / DETECTABLE
-        seen, not_testable = visible_alternatives([Alternative(name, direction, 1)], FITTED, size, [cause])
+        seen, not_testable = visible_alternatives([Alternative(name, direction, 1)], NOTHING, FITTED, size, [cause])
         assert (len(seen), len(not_testable)) == ((0, 1) if hidden else (1, 0))
     assert f"it would have to be {words}" in not_testable[0].why
+
+
+def test_a_large_effect_does_not_hide_behind_itself():
+    """Residuals that hold it are large; those that it would leave are not. One of the other sign leaves all of them."""
+    slip = next(one for one in DMA_CAUSES if one.name == "slip")
+    basis = independent(FITTED)
+    direction, noise = project_out(np.column_stack([CAUSE[:, 0], np.cos(7.0 * np.arange(len(CAUSE)))]), basis).T
+    noise -= direction * (direction @ noise) / (direction @ direction)
+    # Left alone, noise is as large as makes a strength of 0.5 detectable, where 0.9 is the most that there can be.
+    freedom = len(CAUSE) - basis.shape[1]
+    noise *= 0.5 * np.linalg.norm(direction) / DETECTABLE * math.sqrt(freedom - 1) / np.linalg.norm(noise)
+    residuals = noise + 0.9 * direction
+    size = float(np.linalg.norm(residuals)) / math.sqrt(freedom)
+    hidden_behind = DETECTABLE * size / float(np.linalg.norm(direction))
+    for sign, strength in ((1, 0.5), (-1, hidden_behind)):
+        for factor, seen in ((1.01, 1), (0.99, 0)):
+            end = factor * strength
+            bounded = type("Bounded", (type(slip),), {"sign": 0, "least": -end, "largest": end})()
+            either = [Alternative("slip", direction[:, None], sign)]
+            assert len(visible_alternatives(either, residuals, FITTED, size, [bounded])[0]) == seen
 
 
 @pytest.mark.parametrize(
@@ -269,7 +290,7 @@ def test_either_side_of_a_cause_has_an_end_of_its_own(least, largest, signs, wor
     said = {"sign": 0, "unit": "1", "plausible": 1.0, "least": least, "largest": largest}
     ends = type("Ends", (type(DMA_CAUSES[0]),), said)()
     both = [Alternative(ends.name, direction, sign) for sign in (1, -1)]
-    seen, not_testable = visible_alternatives(both, FITTED, size, [ends])
+    seen, not_testable = visible_alternatives(both, NOTHING, FITTED, size, [ends])
     assert tuple(one.sign for one in seen) == signs
     assert [one.why for one in not_testable] == ([f"it would have to be {words}"] if words else [])
 
@@ -281,5 +302,5 @@ def test_what_is_too_weak_is_told_of_a_shape_that_can_be_told():
     size = 45.0 * float(np.linalg.norm(direction)) / DETECTABLE
     shapes = [Alternative("slip", direction, 1, 1.0), Alternative("slip", imitated, 1, 2.0)]
     slip = next(one for one in DMA_CAUSES if one.name == "slip")
-    _, (hidden,) = visible_alternatives(shapes, FITTED, size, [slip])
+    _, (hidden,) = visible_alternatives(shapes, NOTHING, FITTED, size, [slip])
     assert hidden.why.startswith("it would have to be 45 to be seen")
