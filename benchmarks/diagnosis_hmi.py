@@ -36,9 +36,9 @@ from inverse.datasets.shipped import shipped
 from inverse.diagnosis import HMI_CAUSES, Diagnosis, diagnose_hmi
 from inverse.diagnosis.examination import MOST_IMPLAUSIBLE
 from inverse.diagnosis.hmi.account import HmiAccount
-from inverse.diagnosis.hmi.examination import noise_size
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.free_forms import hmi_local_forms, of_all_data
+from inverse.diagnosis.hmi.noise_size import noise_size
 from inverse.diagnosis.hmi.prepare import PreparedHmi, hmi_problem_of, prepare_hmi
 from inverse.diagnosis.hmi.problem import Effect, HmiDiagnosisProblem
 from inverse.diagnosis.hmi.program import HmiProgram

@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from inverse.diagnosis.constants import FittedConstant
-from inverse.diagnosis.hmi.examination import noise_size
 from inverse.diagnosis.hmi.features import Curve, mismatches
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.links import absorbed_by_links
+from inverse.diagnosis.hmi.noise_size import noise_size
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.where import Absorbed
 

@@ -16,9 +16,10 @@ from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.causes import HMI_CAUSES
 from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows, require_during
-from inverse.diagnosis.hmi.examination import Refits, examine_hmi, noise_size
+from inverse.diagnosis.hmi.examination import Refits, examine_hmi
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.gain import held_out_gain_hmi
+from inverse.diagnosis.hmi.noise_size import noise_size, size_beside_effect
 from inverse.diagnosis.hmi.prepare import (
     LEARNT,
     PreparedHmi,
@@ -135,7 +136,7 @@ def diagnose_curves(
     replicates = require_level(level, replicates, few=True)
     require_causes(causes)
     on_step("fitting")
-    null, size, audit = _fitted(problem, corrected, seed, on_step)
+    null, size, audit = _fitted(problem, causes, corrected, seed, on_step)
     problem = null.problem
     if not null.converged:
         remark = f"the fit without causes: {null.status}."
@@ -193,7 +194,13 @@ def _require_enough(data: HmiData, rows: HmiRows, constants: int) -> None:
         )
 
 
-def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: Callable[[str], None]):
+def _fitted(
+    problem: HmiDiagnosisProblem,
+    causes: Sequence[HmiCause],
+    corrected: bool,
+    seed: int,
+    on_step: Callable[[str], None],
+) -> tuple[HmiFit, float, tuple[str, ...]]:
     """The null fit, by the full simulation where it came out; the noise; what the fit says against itself."""
     white = problem.noise_family()[0]
     size = 1.0 if problem.rows.deviation is not None else _FIRST_SIZE
@@ -218,7 +225,23 @@ def _fitted(problem: HmiDiagnosisProblem, corrected: bool, seed: int, on_step: C
         null = again_from(null, white, size)
         if problem.rows.deviation is None:
             size = noise_size(null)
+    if problem.rows.deviation is None and null.converged:
+        null, size = _beside_effect(null, causes, white, size, corrected)
     return null, size, (*remarks, *fit_remarks(null))
+
+
+def _beside_effect(
+    null: HmiFit, causes: Sequence[HmiCause], white: Noise, size: float, corrected: bool
+) -> tuple[HmiFit, float]:
+    """The fit with priors weighed against the noise that is beside an effect, if the data have one; the noise."""
+    names = {cause.name for cause in causes}
+    effects = [one for one in null.problem.alternatives(null.unknowns, null.directions, size) if one.name in names]
+    smaller = size_beside_effect(null, effects, size)
+    if smaller == size:
+        return null, size
+    problem = null.problem.trusted(null.unknowns, smaller) if corrected else null.problem
+    again = (fit_in_full if corrected else fit_hmi)(problem, (), white, size=smaller, start=null.unknowns)
+    return (again, smaller) if again.converged else (null, size)
 
 
 def _disagreement(null: HmiFit, other: HmiFit, chosen: HmiFit) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from inverse.diagnosis.examination import (
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.fitting import Fitting, HmiFit, moved_by
 from inverse.diagnosis.hmi.free_forms import hmi_free_forms, hmi_local_forms, of_all_data
+from inverse.diagnosis.hmi.noise_size import noise_size
 from inverse.diagnosis.hmi.problem import Effect, HmiDiagnosisProblem
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import SETTLED, again_from, fit_hmi, fit_in_full
@@ -277,8 +278,3 @@ def _in_its_noise(null: HmiFit, family: Sequence[Noise], size: float) -> tuple[H
 def _misfit_in(noise: Noise, residuals, fitted) -> float:
     """Sum of squares that the fit without causes leaves, in coordinates in which a noise is white."""
     return float(np.sum(project_out(noise.whiten(residuals[:, None]), independent(noise.whiten(fitted))) ** 2))
-
-
-def noise_size(fit: HmiFit) -> float:
-    """Standard deviation of a fit's residuals, by readings alone, in units of the weights."""
-    return float(np.sqrt(np.sum(fit.of_readings**2) / fit.freedom))

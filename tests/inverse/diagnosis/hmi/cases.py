@@ -7,7 +7,7 @@ import numpy as np
 
 from inverse.datasets.hmi import HmiData
 from inverse.diagnosis.cause import Extension
-from inverse.diagnosis.hmi.examination import noise_size
+from inverse.diagnosis.hmi.noise_size import noise_size
 from inverse.diagnosis.hmi.refit import fit_hmi
 from inverse.diagnosis.hmi.rough_fit import rough_fits
 

@@ -8,9 +8,9 @@ import pytest
 from inverse.diagnosis.hmi import account
 from inverse.diagnosis.hmi import diagnosis as hmi_diagnosis
 from inverse.diagnosis.hmi.account import HmiAccount
-from inverse.diagnosis.hmi.examination import noise_size
 from inverse.diagnosis.hmi.features import Curve, mismatches
 from inverse.diagnosis.hmi.fitting import HmiFit
+from inverse.diagnosis.hmi.noise_size import noise_size
 from inverse.diagnosis.hmi.refit import fit_hmi
 from inverse.diagnosis.outlying import Outlying
 from tests.inverse.diagnosis.hmi.cases import bare, measured_with, white

@@ -19,8 +19,9 @@ from inverse.diagnosis.hmi import examination
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.correction import Correction
 from inverse.diagnosis.hmi.diagnosis import diagnose_curves
-from inverse.diagnosis.hmi.examination import Refits, noise_size
+from inverse.diagnosis.hmi.examination import Refits
 from inverse.diagnosis.hmi.fitting import Fitting, moved_by
+from inverse.diagnosis.hmi.noise_size import noise_size
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.refit import again_from, fit_hmi
 from inverse.diagnosis.hmi.rough_fit import best_of_each, in_full, rough_fits

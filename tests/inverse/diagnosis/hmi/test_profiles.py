@@ -11,8 +11,9 @@ from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi import profile
 from inverse.diagnosis.hmi.bound_search import Trial
 from inverse.diagnosis.hmi.correction import Correction
-from inverse.diagnosis.hmi.examination import Refits, noise_size
+from inverse.diagnosis.hmi.examination import Refits
 from inverse.diagnosis.hmi.fitting import Fitting, HmiFit, moved_by
+from inverse.diagnosis.hmi.noise_size import noise_size
 from inverse.diagnosis.hmi.problem import HmiDiagnosisProblem
 from inverse.diagnosis.hmi.profile import profiled
 from inverse.diagnosis.hmi.refit import fit_hmi, fit_in_full
