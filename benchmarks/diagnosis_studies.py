@@ -175,8 +175,8 @@ LINEAR_HMI_STUDY = dataclasses.replace(
         "`-near` constants are drawn with 0.6 of the deviation that is believed, as for blind data.",
         "Causes are looked for and put in along the directions that their effects have about a fit, either sign by "
         "itself: what bends, other meshes, refits and intervals of strengths are not in these rates (`python -m "
-        "benchmarks.diagnosis_hmi` has them in its rates, at minutes a data set). In loud noise beliefs weigh as in "
-        "quiet, a little kinder than in a fit.",
+        "benchmarks.diagnosis_hmi` has them in its rates, at minutes a data set). Beliefs weigh against the noise that "
+        "is found, as in a fit, but in `understated` noise.",
         _NO_GATE,
     ),
     data="",

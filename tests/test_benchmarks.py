@@ -382,6 +382,19 @@ def test_noise_that_is_understated_is_larger_than_beliefs_are_weighed_by():
     assert understated[-1] == white[-1]
 
 
+@pytest.mark.parametrize(("looked_for", "least", "most"), [(True, 0.6, 1.4), (False, 1.8, 5.0)])
+def test_beliefs_of_linear_sets_weigh_against_the_noise_that_is_found(looked_for, least, most):
+    """Beside an effect of d' 15 that is looked for; one that is not in the library counts as noise."""
+    about, condition = linear_design(), diagnosis_hmi.Condition("known", "output-drift", 15.0)
+    data = diagnosis_hmi_fast._drawn(about, condition, 5, np.random.default_rng(5))
+    causes = [one for one in about.alternatives if looked_for or one.name != "output-drift"]
+    weighed, fitted = diagnosis_hmi_fast._weighed(data, about.fitted, about.family[0], causes)
+    np.testing.assert_array_equal(weighed[:-1], data[:-1])
+    np.testing.assert_array_equal(fitted[:-1], about.fitted[:-1])
+    factor = weighed[-1] / data[-1]
+    assert least < factor < most and fitted[-1] == pytest.approx(factor * about.fitted[-1])
+
+
 def test_effects_without_a_name_are_weak_and_strong():
     planned = {(one.part, one.d_prime) for one, _ in diagnosis_hmi_fast.planned(1.0, False)}
     assert {(part, d) for part in ("unknown", "removed") for d in (5.0, 9.0)} <= planned

@@ -236,7 +236,7 @@ def _beside_effect(
     """The fit with priors weighed against the noise that is beside an effect, if the data have one; the noise."""
     names = {cause.name for cause in causes}
     effects = [one for one in null.problem.alternatives(null.unknowns, null.directions, size) if one.name in names]
-    smaller = size_beside_effect(null, effects, size)
+    smaller = size_beside_effect(null.residuals, null.directions, white, effects, size)
     if smaller == size:
         return null, size
     problem = null.problem.trusted(null.unknowns, smaller) if corrected else null.problem

@@ -12,8 +12,10 @@ size known, 30 with the one of all residuals, 35 with this one.
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from inverse.diagnosis.hmi.fitting import HmiFit
+from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.screening import Alternative, Screen
 
 _SELDOM = 0.01
@@ -26,31 +28,38 @@ def noise_size(fit: HmiFit) -> float:
     return float(np.sqrt(np.sum(fit.of_readings**2) / fit.freedom))
 
 
-def size_beside_effect(fit: HmiFit, effects: Sequence[Alternative], size: float) -> float:
+def size_beside_effect(
+    residuals: Float[np.ndarray, " datum"],
+    directions: Float[np.ndarray, "datum p"],
+    white: Noise,
+    effects: Sequence[Alternative],
+    size: float,
+) -> float:
     """Standard deviation of what the likeliest single effect leaves of the readings, in units of the weights.
 
     By turns with how firmly priors of that size hold the constants, in the linearised model.
 
     Args:
-        fit: Without causes, in white noise.
+        residuals: Of a fit without causes: of readings, then of beliefs.
+        directions: Derivative in all that was fitted.
+        white: The noise that it was weighed with.
         effects: Of causes about it.
-        size: That its priors were weighed against.
+        size: That its beliefs are weighed against.
 
     Returns:
         The size, or `size` where that is not larger or noise alone may well look so.
     """
-    white, readings, found = fit.problem.noise_family()[:1], len(fit.of_readings), size
+    readings, found = len(residuals) - white.beliefs, size
     for _ in range(_MOST_TURNS):
-        weighed = np.where(np.arange(len(fit.residuals)) < readings, 1.0, found / size)
-        screen = Screen(weighed[:, None] * fit.directions, effects, white)
-        left = _beside_likeliest(screen, weighed * fit.residuals)
+        weighed = np.where(np.arange(len(residuals)) < readings, 1.0, found / size)
+        left = _beside_likeliest(Screen(weighed[:, None] * directions, effects, [white]), weighed * residuals)
         if left >= (1.0 - _SETTLED) * found:
             break
         found = left
     return found
 
 
-def _beside_likeliest(screen: Screen, residuals) -> float:
+def _beside_likeliest(screen: Screen, residuals: Float[np.ndarray, " datum"]) -> float:
     tests, size = screen.statistics(residuals[:, None]), screen.of_readings(residuals)[0]
     if not len(tests.log_p):
         return size

@@ -26,11 +26,15 @@ def fitted_in_its_own_noise(problem, name, strength, **given):
     return fit, effects, size
 
 
+def beside(fit, effects, size):
+    return size_beside_effect(fit.residuals, fit.directions, white(fit.problem), effects, size)
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_noise_alone_is_as_large_as_its_residuals(problem, seed):
     fit, effects, size = fitted_in_its_own_noise(problem, None, 0.0, seed=seed)
     # Priors are weighed by turns with it: what changes is less than a turn.
-    assert size_beside_effect(fit, effects, size) == pytest.approx(size, rel=0.02)
+    assert beside(fit, effects, size) == pytest.approx(size, rel=0.02)
     # Of some twenty readings to spare, four standard errors.
     assert size == pytest.approx(NOISE, rel=4.0 / np.sqrt(2.0 * fit.freedom))
 
@@ -38,34 +42,34 @@ def test_noise_alone_is_as_large_as_its_residuals(problem, seed):
 @pytest.mark.parametrize("strength", [1.0, 1.5])
 def test_an_effect_is_no_noise(problem, strength):
     fit, effects, size = fitted_in_its_own_noise(problem, DRIFT, strength, seed=2)
-    found = size_beside_effect(fit, effects, size)
+    found = beside(fit, effects, size)
     assert size > 1.3 * NOISE and found == pytest.approx(NOISE, rel=4.0 / np.sqrt(2.0 * fit.freedom))
 
 
 def test_of_an_effect_so_large_that_it_bends_the_bend_is_left(problem):
     fit, effects, size = fitted_in_its_own_noise(problem, DRIFT, 6.0, seed=2)
-    assert size > 5.0 * NOISE and NOISE < size_beside_effect(fit, effects, size) < 0.5 * size
+    assert size > 5.0 * NOISE and NOISE < beside(fit, effects, size) < 0.5 * size
 
 
 def test_an_effect_of_the_other_sign_takes_nothing(problem):
     fit, effects, size = fitted_in_its_own_noise(problem, DRIFT, 6.0, seed=2)
     others = [one for one in effects if one.name == DRIFT and one.sign < 0]
-    assert others and size_beside_effect(fit, others, size) == size
+    assert others and beside(fit, others, size) == size
 
 
 def test_priors_follow_the_size_that_is_found(problem):
     """The fit weighed against it has the noise that was foretold in the linearised model."""
     fit, effects, size = fitted_in_its_own_noise(problem, DRIFT, 3.0, seed=2)
-    found = size_beside_effect(fit, effects, size)
+    found = beside(fit, effects, size)
     again = again_from(fit, white(fit.problem), found)
     effects = again.problem.alternatives(again.unknowns, again.directions, noise_size(again))
     # Twice the noise moves constants little here; a second fit finds it within its own turns.
-    assert size_beside_effect(again, effects, found) == pytest.approx(found, rel=0.1)
+    assert beside(again, effects, found) == pytest.approx(found, rel=0.1)
 
 
 def test_without_effects_to_look_for_the_size_is_that_of_the_residuals(problem):
     fit, _, size = fitted_in_its_own_noise(problem, DRIFT, 3.0, seed=2)
-    assert size_beside_effect(fit, (), size) == pytest.approx(size, rel=0.02)
+    assert beside(fit, (), size) == pytest.approx(size, rel=0.02)
 
 
 @pytest.mark.parametrize("library", [(DRIFT, "perfusion"), ("perfusion",)])
