@@ -73,19 +73,27 @@ def _move(source: Path, target: Path) -> None:
             os.replace(path, target / path.name)
 
 
+def recorded(files: Mapping[str, Path | None]) -> dict[str, dict[str, str]]:
+    """Path and SHA-256 of each file that was given, as summaries hold them.
+
+    To be called once they are read: when the computation is over, other files may be there, or none.
+    """
+    return {name: {"path": str(path), "sha256": sha256(path)} for name, path in files.items() if path is not None}
+
+
 def write_summary(
     folder: Path,
     *,
     command: str,
-    inputs: Mapping[str, Path],
+    inputs: Mapping[str, Mapping[str, str]],
     settings: Mapping[str, Any],
     results: Mapping[str, Any],
     seed: int | None = None,
 ) -> None:
-    """Write summary.json: results with units, settings, seed, inputs with their SHA-256, versions of the software."""
+    """Write summary.json: results with units, settings, seed, inputs as `recorded`, versions of the software."""
     summary = {
         "command": command,
-        "inputs": {name: {"path": str(path), "sha256": sha256(path)} for name, path in inputs.items()},
+        "inputs": dict(inputs),
         "settings": dict(settings),
         "seed": seed,
         "versions": versions(),

@@ -16,7 +16,7 @@ from inverse.datasets.dma import DmaData, read_dma, sweeps_of_file
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL, DmaFit, SweepFit, fit_sweeps, magnitude_only
 from inverse.dma_residuals import LinearModulus, LogModulus, ModulusResidual
 from inverse.figures import dma_figure
-from inverse.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
 from inverse.seeds import HIGHEST_SEED
 
 
@@ -64,7 +64,7 @@ def fit_dma(
     Writes parameters.csv, fit.nc, figures (PNG and PDF), summary.json and report.md into the folder `out`.
     """
     jax.config.update("jax_enable_x64", True)
-    measured = read_dma(data, trust_units=trust_units)
+    measured, inputs = read_dma(data, trust_units=trust_units), recorded({"data": data})
     sweeps = sweeps_of_file(data, measured)
     sweeps = magnitude_only(sweeps) if magnitude else sweeps
     chosen = _RESIDUALS[residuals]
@@ -82,7 +82,7 @@ def fit_dma(
         write_summary(
             folder,
             command="fit-dma",
-            inputs={"data": data},
+            inputs=inputs,
             seed=seed,
             settings={
                 "model": model.value,
