@@ -38,8 +38,8 @@ class ParameterSet(eqx.Module):
             # Fits that put numbers in by hand name no place.
             if place and standing.setdefault(place, entry.name) != entry.name:
                 raise InputError(
-                    f"parameters `{standing[place]}` and `{entry.name}` have the same place, `{place}`, where the "
-                    "first has no effect; leave one of the two out, or correct its place."
+                    f"parameters `{standing[place]}` and `{entry.name}` have the same place, `{place}`, "
+                    "where only one of them has an effect; leave the other one out, or correct its place."
                 )
 
     @property
