@@ -41,6 +41,9 @@ def test_canonical_file(tmp_path):
         ("f,T,E_stor,E_loss\nHz,C,MPa,MPa", "1,37,0.0015,0.0002"),
         ("Frequency (Hz),Temperature (°C),E' (MPa),E'' (MPa)", "1,37,0.0015,0.0002"),
         ("Frequency [Hz];Temp [°C];G' [kPa];G\" [kPa]", "1;37;1.5;0.2"),
+        ("Frequency, Hz;Temperature, C;Storage modulus, MPa;Loss modulus, MPa", "1;37;0.0015;0.0002"),
+        ("Frequency, Hz;Temperature, C;Storage modulus, MPa;Loss modulus, MPa", "1,0;37,0;0,0015;0,0002"),
+        ("Frequency, Hz\tTemperature, C\tStorage modulus, MPa\tLoss modulus, MPa", "1\t37\t0.0015\t0.0002"),
         ("omega_rad_s\ttemp_C\tEp_MPa\tEpp_MPa", "6.283185307179586\t37\t0.0015\t0.0002"),
         ("# exported\n\nfreq,temperature_k,storage modulus (Pa),loss modulus (Pa)", "1,310.15,1500,200"),
         ("frequency (rad/s),temp,E′ MPa,E″ MPa", "6.283185307179586,37,0.0015,0.0002"),
@@ -211,6 +214,12 @@ BAD = {
     ),
     "negative tangent": ("f,T,E' (Pa),tan_delta\n1,37,1500,-1\n2,37,1500,1\n", "loss tangent -1 must be zero or"),
     "thousands": (GOOD + '20,37,"1,500.5",100\n', "write numbers without commas between thousands"),
+    "millions": (GOOD + '20,37,"1,500,500",100\n', "write numbers without commas between thousands"),
+    "thousands or decimals": (
+        GOOD.replace(",", ";") + "20;37;12,500;100\n",
+        "write 12500 if the comma is between thousands, 12.500 if it is before decimals",
+    ),
+    "decimals alone": (GOOD.replace(",", ";") + "20;37;0,125;100\n", "number; write decimals with a point"),
     "preamble": (f"Instrument: Q800\n{GOOD}", "line 1: no comma, semicolon or tab in the header; begin lines before"),
     "half the deviations": (f"{HEADER},storage_modulus_sd_pa\n1,37,1500,200,5\n2,37,1500,200,5\n", "go together"),
     "zero deviation": (
