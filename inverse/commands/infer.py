@@ -1,6 +1,7 @@
 """`arfjax infer`: constants with honest uncertainty, from DMA, from HMI or from both at once."""
 
 import enum
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +14,7 @@ from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.infer_report import evidence_line, parameter_rows, report, results, write_parameters
 from inverse.commands.partial import StoppedEarly
 from inverse.datasets.dma import Sweep, read_dma, sweeps_of_file
+from inverse.datasets.dma_checks import SWEEP_GAP
 from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.figures.posterior import (
     Panel,
@@ -189,11 +191,8 @@ def _sweeps(path: Path, temperature: float | None, across: Across, trust_units: 
     sweeps = list(sweeps_of_file(path, read_dma(path, trust_units=trust_units)))
     if temperature is not None:
         sweeps = _nearest(path, sweeps, temperature, each_sample=across is Across.SAMPLE)
-    if across in (Across.SAMPLE, Across.TEMPERATURE) and len(sweeps) < 2:
-        raise InputError(
-            f"--across {across.value}: a population needs two sweeps or more, here is one ({sweeps[0].label}); leave "
-            "--across or --temperature out."
-        )
+    if across in (Across.SAMPLE, Across.TEMPERATURE):
+        _require_population(path, sweeps, across)
     if alone and across is Across.NONE and len(sweeps) > _MOST_SEPARATE:
         raise InputError(
             f"{path}: holds {len(sweeps)} sweeps; choose one by --temperature, or let their constants come from one "
@@ -203,6 +202,34 @@ def _sweeps(path: Path, temperature: float | None, across: Across, trust_units: 
     if alone and short:
         raise InputError(f"{path}: the sweep at {short[0].label} has a single frequency, which fixes no constants.")
     return sweeps
+
+
+def _require_population(path: Path, sweeps: list[Sweep], across: Across) -> None:
+    """Refuse sweeps that are one, that do not differ by what is named, or of which some are alike in it."""
+    if len(sweeps) < 2:
+        raise InputError(
+            f"--across {across.value}: a population needs two sweeps or more, here is one ({sweeps[0].label}); leave "
+            "--across or --temperature out."
+        )
+    if across is Across.SAMPLE and len({sweep.sample for sweep in sweeps}) < 2:
+        raise InputError(
+            f"--across sample: the sweeps of {path} are of one sample; name samples in a column 'sample', or take "
+            "--across temperature."
+        )
+    if across is Across.SAMPLE:
+        pairs = itertools.pairwise(sorted(sweeps, key=lambda sweep: sweep.sample))
+        alike = [pair for pair in pairs if pair[0].sample == pair[1].sample]
+        mend = "choose one sweep of each sample by --temperature"
+    else:
+        pairs = itertools.pairwise(sorted(sweeps, key=lambda sweep: sweep.temperature_c))
+        alike = [pair for pair in pairs if pair[1].temperature_c - pair[0].temperature_c <= SWEEP_GAP]
+        mend = "take --across sample, or give a file of one sample"
+    if alike:
+        one, other = alike[0]
+        raise InputError(
+            f"--across {across.value}: the sweeps of {path} at {one.label} and {other.label} do not differ by "
+            f"{across.value}; {mend}."
+        )
 
 
 def _nearest(path: Path, sweeps: list[Sweep], temperature: float, *, each_sample: bool) -> list[Sweep]:

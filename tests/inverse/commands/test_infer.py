@@ -100,13 +100,24 @@ def two_samples(folder):
 def test_sweeps_of_a_population_are_called_apart(tmp_path):
     """By their samples where each has one sweep, else by sample and temperature."""
     path = two_samples(tmp_path)
-    whole = infer_command_sweeps(path, None, Across.SAMPLE, False, alone=True)
+    whole = group_sweeps(read_dma(path))
     names = dma_problem(whole, across="sample").parameters.names
     assert {f"relaxed_modulus[{each}]" for each in ("a, 20.0 degC", "a, 40.0 degC", "b, 20.0 degC")} <= set(names)
     at_one = infer_command_sweeps(path, 21.0, Across.SAMPLE, False, alone=True)
     assert [sweep.label for sweep in at_one] == ["a, 20.0 degC", "b, 20.0 degC"]
     names = dma_problem(at_one, across="sample").parameters.names
     assert {"relaxed_modulus[a]", "relaxed_modulus[b]"} <= set(names)
+
+
+def test_sweeps_of_a_population_differ_by_what_is_named(tmp_path):
+    path = two_samples(tmp_path)
+    with pytest.raises(InputError, match=r"at a, 20.0 degC and a, 40.0 degC do not differ by sample; choose one sweep"):
+        infer_command_sweeps(path, None, Across.SAMPLE, False, alone=True)
+    with pytest.raises(InputError, match=r"a, 20.0 degC and b, 20.0 degC do not differ by temperature; take --across"):
+        infer_command_sweeps(path, None, Across.TEMPERATURE, False, alone=True)
+    with pytest.raises(InputError, match="are of one sample; name samples in a column 'sample', or take --across temp"):
+        infer_command_sweeps(Path(POLYMER), None, Across.SAMPLE, False, alone=True)
+    assert len(infer_command_sweeps(Path(POLYMER), None, Across.TEMPERATURE, False, alone=True)) == 21
 
 
 def test_units_that_look_wrong_can_be_believed(tmp_path, capsys):
