@@ -16,7 +16,7 @@ from inverse.datasets.dma import DmaData, read_dma, sweeps_of_file
 from inverse.dma_fit import CONVENTIONAL, FRACTIONAL, DmaFit, NoFit, SweepFit, fit_sweeps
 from inverse.dma_residuals import LinearModulus, LogModulus, ModulusResidual
 from inverse.figures import dma_figure
-from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
+from inverse.output import figure_files, output_directory, quantity, recorded, write_figures, write_summary
 from inverse.seeds import HIGHEST_SEED
 
 
@@ -46,6 +46,8 @@ _RESIDUALS: dict[ResidualChoice, tuple[ModulusResidual, ...]] = {
     ResidualChoice.LOG: (LogModulus(),),
     ResidualChoice.LINEAR: (LinearModulus(),),
 }
+_MADE = figure_files(f"fit_{residual.name}" for residual in _RESIDUALS[ResidualChoice.BOTH])
+"""What some runs make and others do not."""
 _SUMS = (("sse_log", "1"), ("sse_linear", "Pa^2"), ("sse_relative", "1"))
 
 
@@ -68,7 +70,7 @@ def fit_dma(
     inputs = recorded({"data": data})
     sweeps = sweeps_of_file(data, measured)
     chosen = _RESIDUALS[residuals]
-    with output_directory(out) as folder:
+    with output_directory(out, replaces=_MADE) as folder:
         with working(f"fitting {len(sweeps)} sweeps"):
             fit = fit_sweeps(sweeps, models=_MODELS[model], residuals=chosen, seed=seed, n_starts=starts)
         if not fit.fits and not any(one.means for one in fit.unfitted):

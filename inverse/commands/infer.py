@@ -36,7 +36,7 @@ from inverse.inference.experiment import (
 )
 from inverse.inference.hmi import used_rows
 from inverse.inference.problem import Problem
-from inverse.output import output_directory, recorded, write_figures, write_summary
+from inverse.output import figure_files, output_directory, recorded, write_figures, write_summary
 from inverse.sampling import left_out, posterior_record, save_posterior
 from inverse.seeds import HIGHEST_SEED
 from inverse.study import Effort, Sampler, Study, infer
@@ -50,6 +50,8 @@ _LOOKED_AT = 200
 _MOST_AT_EDGE = 0.02
 _CORNER = 12
 _BATCH = 16
+_MADE = ["posterior.nc", *figure_files(("predictions_dma", "predictions_hmi", "overlap", "traces", "corner"))]
+"""What some runs make and others do not."""
 
 
 class Across(enum.StrEnum):
@@ -129,7 +131,7 @@ def infer_command(
         chunk=None if hmi is None else _BATCH,
     )
     # Before anything is computed: a folder that cannot be written to is told at once.
-    with working("reading") as say, output_directory(out) as folder:
+    with working("reading") as say, output_directory(out, replaces=_MADE) as folder:
         problem, panels, made = _problem(described, sweeps, curves, across, seed, say)
         file = out / "run.h5" if sampler in (Sampler.NUTS, Sampler.EMCEE) else None
         try:

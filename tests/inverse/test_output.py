@@ -23,6 +23,18 @@ def test_results_appear_at_the_end_and_join_what_is_there(tmp_path):
     assert [path.name for path in out.parent.iterdir()] == ["out"]
 
 
+def test_what_an_earlier_run_left_goes_when_results_come(tmp_path):
+    """Only what is named, and only what is not made again; after an error it is all there."""
+    for name in ("a.png", "b.png", "mine.png"):
+        (tmp_path / name).write_text("earlier")
+    with pytest.raises(RuntimeError), output_directory(tmp_path, replaces=["a.png", "b.png"]) as folder:
+        raise RuntimeError
+    assert len(list(tmp_path.iterdir())) == 3
+    with output_directory(tmp_path, replaces=["a.png", "b.png", "c.png"]) as folder:
+        (folder / "a.png").write_text("new")
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.png": "new", "mine.png": "earlier"}
+
+
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
 def test_failure_leaves_nothing_and_keeps_what_was_there(tmp_path, error):
     fresh, old = tmp_path / "deep" / "fresh", tmp_path / "old"

@@ -109,9 +109,12 @@ def test_everything_is_written(measured, tmp_path, capsys):
 
 def test_one_model_one_residual_magnitude(measured, tmp_path):
     out = tmp_path / "out"
+    out.mkdir()
+    for ending in ("png", "pdf"):
+        (out / f"fit_linear.{ending}").write_text("of an earlier run")
     fit_dma(measured, out, model=ModelChoice.ZENER, residuals=ResidualChoice.LOG, magnitude=True, starts=4)
     assert len(list(csv.DictReader((out / "parameters.csv").read_text().splitlines()))) == 2 * 3
-    assert not (out / "fit_linear.png").exists()
+    assert {path.name for path in out.glob("fit_*")} == {"fit_log.png", "fit_log.pdf"}
 
 
 def test_a_single_reading_has_no_scatter(measured, tmp_path):
