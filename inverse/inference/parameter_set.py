@@ -39,7 +39,7 @@ class ParameterSet(eqx.Module):
             if place and standing.setdefault(place, entry.name) != entry.name:
                 raise InputError(
                     f"parameters `{standing[place]}` and `{entry.name}` have the same place, `{place}`, "
-                    "where only one of them has an effect; leave the other one out, or correct its place."
+                    "which holds the value of one alone; leave the other out, or correct its place."
                 )
 
     @property
