@@ -174,7 +174,7 @@ class NoFit:
         models: Names of the models that were not fitted.
         reason: Why.
         means: Mean modulus by kind (storage, loss, magnitude) [Pa], if all rows share one frequency.
-        scatters: Standard deviation of single rows about it [Pa].
+        scatters: Standard deviation of single rows about it [Pa]; NaN of a single one.
     """
 
     sweep: Sweep
@@ -246,9 +246,8 @@ def fit_sweeps(
 
 
 def magnitude_only(sweeps: Sequence[Sweep]) -> tuple[Sweep, ...]:
-    """The same sweeps without their phase, as the paper fitted them."""
-    bare = {"storage_modulus": None, "loss_modulus": None, "storage_modulus_sd": None, "loss_modulus_sd": None}
-    return tuple(dataclasses.replace(sweep, data=dataclasses.replace(sweep.data, **bare)) for sweep in sweeps)
+    """The same sweeps without their phase, as the paper fitted them, and the deviations of the magnitude alone."""
+    return tuple(dataclasses.replace(sweep, data=sweep.data.without_phase()) for sweep in sweeps)
 
 
 def _fit_lanes(
@@ -374,16 +373,20 @@ def _unfitted(sweeps: Sequence[Sweep], models: Sequence[ZenerModel]) -> tuple[No
         if not needed:
             continue
         if count == 1:
-            reason = (
-                f"all {len(sweep.data)} rows are at {sweep.data.frequency_hz[0]:.4g} Hz: one frequency cannot fix the "
-                f"constants of a Zener solid; the mean modulus and the scatter of repeats are given instead"
-            )
+            reason = _single_frequency(sweep.data)
         else:
             models_needed = " and ".join(f"{number} ({name})" for name, number in needed.items())
             reason = f"{count} distinct frequencies cannot fix {models_needed} constants; measure more frequencies"
         means, scatters = _repeats(sweep.data) if count == 1 else ({}, {})
         unfitted.append(NoFit(sweep, tuple(needed), reason, means, scatters))
     return tuple(unfitted)
+
+
+def _single_frequency(data: DmaData) -> str:
+    alone, frequency = len(data) == 1, f"{data.frequency_hz[0]:.4g} Hz"
+    rows = f"its only row is at {frequency}" if alone else f"all {len(data)} rows are at {frequency}"
+    instead = "its modulus is" if alone else "the mean modulus and the scatter of repeats are"
+    return f"{rows}: one frequency cannot fix the constants of a Zener solid; {instead} given instead"
 
 
 def _repeats(data: DmaData) -> tuple[dict[str, float], dict[str, float]]:

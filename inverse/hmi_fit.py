@@ -27,7 +27,7 @@ from pydantic import AllowInfNan, BaseModel, ConfigDict, Field, Strict, model_va
 
 from arfjax import Discretisation, Exponential, InputError, Linear, Model, NormalisedPolynomial, StepwiseProtocol
 from inverse.datasets.hmi import HmiData
-from inverse.hmi_model import plan_sweeps, predict
+from inverse.hmi_model import plan_sweeps, predict, require_heating
 from inverse.inference.hmi import used_rows
 from inverse.least_squares import Descent, descend
 from inverse.parameters import Parameter, constrain
@@ -242,9 +242,11 @@ def fit_hmi(
         max_steps: Steps after which the optimisation is stopped, and said not to have converged.
 
     Raises:
-        InputError: if data and protocol do not go together, or nothing tells how the data scatter.
+        InputError: if data and protocol do not go together, readings were taken while it cooled, or nothing tells how
+            the data scatter.
     """
     constants = constants_of(model, settings)
+    require_heating(data, protocol.duration)
     sweeps = plan_sweeps(data, protocol, settings.reference_temperature_c)
     unit = 1.0 if data.in_percent else float(data.displacement.mean()) / 100.0
     measured = jnp.asarray(data.displacement) / unit

@@ -18,6 +18,11 @@ from arfjax import (
 )
 from inverse.datasets.hmi import HmiData
 
+_FALL = 2.0
+"""Fall of the temperature within a sonication that a thermometer's noise may explain [K]; a diagnosis has the same."""
+_STILL = 0.02
+"""Part of the sonication after its end in which a reading is taken for one at the end; a diagnosis has the same."""
+
 
 class Sweep(eqx.Module):
     """Sonications that reach the same final temperature, and the states in which they were looked at.
@@ -37,6 +42,43 @@ class Sweep(eqx.Module):
     in_time: bool = eqx.field(static=True)
     rows: Int[np.ndarray, " row"]
     places: Int[np.ndarray, " row"]
+
+
+def require_heating(data: HmiData, duration: float) -> None:
+    """Refuse readings while it cools: the state that belongs to a temperature is that of the heating.
+
+    Readings without a temperature are looked at by `plan_sweeps`.
+
+    Args:
+        data: What was measured.
+        duration: Of the sonications [s].
+
+    Raises:
+        InputError: if the temperature falls within a sonication, or a time lies after its end.
+    """
+    if data.temperature is None:
+        return
+    for label in data.labels:
+        _require_no_fall(data, label)
+    late = [] if data.time is None else np.flatnonzero(data.time > (1.0 + _STILL) * duration)
+    if data.time is not None and len(late):
+        raise InputError(
+            f"{data.place(int(late[0]))}: {data.time[late[0]]:g} s is after the sonication's end at {duration:g} s; "
+            "change `protocol.sonication_s` in the experiment file, or leave out what was read later."
+        )
+
+
+def _require_no_fall(data: HmiData, label: str) -> None:
+    rows = data.rows_of(label)
+    temperature = np.asarray(data.temperature)[rows]
+    fallen = np.flatnonzero(temperature < np.maximum.accumulate(temperature) - _FALL)
+    if fallen.size:
+        first = int(fallen[0])
+        order = "" if data.time is not None else ", or sort the rows by temperature if all are of the heating"
+        raise InputError(
+            f"{data.place(rows[first])}: {temperature[first]:g} degC after {np.max(temperature[:first]):g} in "
+            f"sonication {label}; a curve is that of the heating: leave out readings while it cools{order}."
+        )
 
 
 def plan_sweeps(data: HmiData, protocol: StepwiseProtocol, reference_temperature: float) -> tuple[Sweep, ...]:

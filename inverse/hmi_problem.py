@@ -16,7 +16,7 @@ from jaxtyping import Float
 from arfjax import Discretisation, Effort, Experiment, Model, discretise
 from inverse.datasets.hmi import HmiData
 from inverse.fast_hmi import FastHmi, Verification, prepare_fast
-from inverse.hmi_model import plan_sweeps, sweeps_of_each
+from inverse.hmi_model import plan_sweeps, require_heating, sweeps_of_each
 from inverse.inference.experiment import InferenceSettings, anchored, inference_problem, population
 from inverse.inference.hmi import hmi_measurement, noise_of, used_rows
 from inverse.inference.problem import Measurement, Problem, State
@@ -153,7 +153,7 @@ def hmi_problem(
         on_step: Told in words how far it is.
 
     Raises:
-        InputError: if data, experiment and settings do not go together.
+        InputError: if data, experiment and settings do not go together, or readings were taken while it cooled.
 
     Accuracy: of 24 draws of the prior of a calibration the worst curve was off by 0.31 percent of its largest value. Of
         12 of the posterior of the paper's three sonications, whose priors are wider, the worst was off by 1.1 percent
@@ -161,6 +161,7 @@ def hmi_problem(
         where that is. `HmiProblem.verify` tells of the case at hand.
     """
     model = anchored(described.model(), settings)
+    require_heating(data, described.stepwise().duration)
     plan = plan_sweeps(data, described.stepwise(), settings.reference_temperature_c)
     fine = discretise(model, refinement=2.0) if discretisation is None else discretisation
 

@@ -7,7 +7,7 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,18 @@ from inverse.software import versions
 
 
 @contextlib.contextmanager
-def output_directory(out: Path) -> Iterator[Path]:
+def output_directory(out: Path, *, replaces: Collection[str] = ()) -> Iterator[Path]:
     """A temporary folder whose files are moved into `out` once the block ends without an error.
 
     It lies in `out`, or in the nearest folder above that exists, so that moving is renaming on one file system.
 
     On an error, or when interrupted, nothing is left behind, and results of an earlier run in `out` stay as they were.
     Files of other names in `out` are never touched.
+
+    Args:
+        out: Where results go.
+        replaces: Files that an earlier run may have made and this one need not: beside the new results they would be
+            taken for theirs, and those that the block does not make again are removed.
 
     Raises:
         InputError: if `out` is a file or cannot be written to.
@@ -41,8 +46,12 @@ def output_directory(out: Path) -> Iterator[Path]:
     try:
         yield temporary
         _require_room(temporary, out)
+        made = {path.name for path in temporary.iterdir()}
         try:
             _move(temporary, out)
+            for earlier in (out / name for name in replaces if name not in made):
+                if earlier.is_file():
+                    earlier.unlink()
         except OSError as error:
             raise _unwritable(out, error) from None
     finally:
@@ -73,19 +82,27 @@ def _move(source: Path, target: Path) -> None:
             os.replace(path, target / path.name)
 
 
+def recorded(files: Mapping[str, Path | None]) -> dict[str, dict[str, str]]:
+    """Path and SHA-256 of each file that was given, as summaries hold them.
+
+    To be called once they are read: when the computation is over, other files may be there, or none.
+    """
+    return {name: {"path": str(path), "sha256": sha256(path)} for name, path in files.items() if path is not None}
+
+
 def write_summary(
     folder: Path,
     *,
     command: str,
-    inputs: Mapping[str, Path],
+    inputs: Mapping[str, Mapping[str, str]],
     settings: Mapping[str, Any],
     results: Mapping[str, Any],
     seed: int | None = None,
 ) -> None:
-    """Write summary.json: results with units, settings, seed, inputs with their SHA-256, versions of the software."""
+    """Write summary.json: results with units, settings, seed, inputs as `recorded`, versions of the software."""
     summary = {
         "command": command,
-        "inputs": {name: {"path": str(path), "sha256": sha256(path)} for name, path in inputs.items()},
+        "inputs": dict(inputs),
         "settings": dict(settings),
         "seed": seed,
         "versions": versions(),
@@ -98,6 +115,11 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write JSON; see `finite`."""
     text = json.dumps(finite(content), indent=2, ensure_ascii=False, allow_nan=False)
     path.write_text(text + "\n", encoding="utf-8")
+
+
+def figure_files(names: Iterable[str]) -> list[str]:
+    """Files that `write_figures` makes of figures of these names."""
+    return [f"{name}.{ending}" for name in names for ending in ("png", "pdf")]
 
 
 def write_figures(folder: Path, figures: Mapping[str, Figure]) -> list[str]:

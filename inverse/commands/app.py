@@ -7,6 +7,7 @@ from rich.markup import escape
 from typer.core import TyperGroup
 
 import arfjax
+from arfjax import InputError
 from inverse.commands.calibrate import calibrate
 from inverse.commands.causes import causes_command
 from inverse.commands.design import design_command
@@ -25,8 +26,11 @@ from inverse.commands.vibrate import vibrate_command
 from inverse.datasets.shipped import shipped, shipped_names
 
 
-class _AsWritten(TyperGroup):
-    """Commands whose help is shown as it is written: rich would take "[degC]" in it for markup, and leave it out."""
+class _Commands(TyperGroup):
+    """Commands whose help is shown as it is written, and which refuse a second value where one is taken.
+
+    Rich would take "[degC]" in a help for markup, and leave it out.
+    """
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
@@ -36,10 +40,26 @@ class _AsWritten(TyperGroup):
                 if getattr(each, "help", None):
                     each.help = escape(each.help)
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that is asked for; of an option given twice its parser would keep the last value alone."""
+        name, command, rest = super().resolve_command(ctx, args)
+        if command is not None:
+            inside: Any = command.context_class(command, info_name=name, parent=ctx)
+            _, _, given = command.make_parser(inside).parse_args(args=list(rest))
+            _require_once([one for one in given if one.param_type_name == "option"])
+        return name, command, rest
+
+
+def _require_once(given: list[Any]) -> None:
+    for option in given:
+        times = given.count(option)
+        if times > 1 and not option.multiple and not option.is_flag:
+            raise InputError(f"{option.opts[0]} is given {times} times and takes one value: give it once.")
+
 
 app = typer.Typer(
     name="arfjax",
-    cls=_AsWritten,
+    cls=_Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

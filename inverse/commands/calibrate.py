@@ -30,7 +30,7 @@ from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.figures import draw_calibration
 from inverse.hmi_fit import CalibrationSettings, HmiFit, fit_hmi
 from inverse.least_squares import Descent
-from inverse.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
 
 
 def calibrate(
@@ -45,7 +45,7 @@ def calibrate(
     """
     described = read_experiment(experiment)
     settings = _settings(described, experiment)
-    measured = read_hmi(hmi)
+    measured, inputs = read_hmi(hmi), recorded({"experiment": experiment, "hmi": hmi})
     model = described.model()
     with output_directory(out) as folder:
         with working("compiling the simulation chain and its gradient") as say:
@@ -69,7 +69,7 @@ def calibrate(
         write_summary(
             folder,
             command="calibrate",
-            inputs={"experiment": experiment, "hmi": hmi},
+            inputs=inputs,
             settings={"calibration": settings.model_dump(), "max_steps": max_steps},
             results=_results(fit, measured),
         )

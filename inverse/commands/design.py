@@ -18,7 +18,7 @@ from inverse.diagnosed import MODELS
 from inverse.diagnosis.choice import LIBRARIES, find_causes, names_in
 from inverse.diagnosis.hmi.diagnosis import require_diagnosable
 from inverse.figures.design import design_figure
-from inverse.output import output_directory, write_figures, write_json, write_summary
+from inverse.output import output_directory, recorded, write_figures, write_json, write_summary
 from inverse.seeds import HIGHEST_SEED
 
 
@@ -58,14 +58,14 @@ def design_command(
         with working("designing") as show:
             if dma is not None:
                 file, solid = dma, MODELS[model.value]
-                data = read_dma(dma, trust_units=trust_units)
+                data, inputs = read_dma(dma, trust_units=trust_units), recorded(given)
                 require_fittable(dma, data, solid)
                 remarks = data.remarks
                 found = design_dma(data, causes=wanted, model=solid, check=check, seed=seed, on_step=show)
             else:
                 assert hmi is not None and experiment is not None  # see above
                 file, described = hmi, read_experiment(experiment)
-                curves = read_hmi(hmi)
+                curves, inputs = read_hmi(hmi), recorded(given)
                 require_diagnosable(curves, described, str(experiment))
                 remarks = curves.remarks
                 found = design_hmi(
@@ -80,7 +80,7 @@ def design_command(
         write_summary(
             folder,
             command="design",
-            inputs={kind: path for kind, path in given.items() if path is not None},
+            inputs=inputs,
             seed=seed,
             settings={
                 "causes": wanted,

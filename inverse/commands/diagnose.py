@@ -20,7 +20,7 @@ from inverse.diagnosis.hmi.diagnosis import require_diagnosable
 from inverse.diagnosis.level import HIGHEST_LEVEL, LOWEST_LEVEL, require_level
 from inverse.diagnosis.report import pairs_in_question
 from inverse.dma_fit import ZenerModel
-from inverse.output import output_directory, sha256, write_summary
+from inverse.output import output_directory, recorded, sha256, write_summary
 from inverse.seeds import HIGHEST_SEED
 
 STAGES = {
@@ -89,6 +89,7 @@ def diagnose_command(
         raise InputError("--trust-units and --model are of a DMA: leave them out, or give --dma FILE.")
     require_level(level)
     _require_readable(dma, hmi, experiment, MODELS[model.value], trust_units)
+    inputs = recorded({**parts, "experiment": experiment if hmi is not None else None})
     found: dict[str, Diagnosed] = {}
     with output_directory(out) as folder:
         for kind in parts:
@@ -110,7 +111,7 @@ def diagnose_command(
         write_summary(
             folder,
             command="diagnose",
-            inputs={**parts, **({} if experiment is None or hmi is None else {"experiment": experiment})},
+            inputs=inputs,
             seed=seed,
             settings={
                 "causes": [cause.name for kind in parts for cause in chosen[kind]],

@@ -13,7 +13,7 @@ from arfjax import Discretisation, Experiment, InputError, Model, discretise, ex
 from arfjax.io import full_field_dataset, write_netcdf
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.notes import grid_notes
-from inverse.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
 
 _RADIUS = 20e-3  # m
 _STEP = 0.25e-3  # m; half of it across the axis and about the focus, a quarter across it near the axis
@@ -38,6 +38,7 @@ def field_command(
     Writes field.nc, figures (PNG and PDF), report.md and summary.json into the folder `out`.
     """
     described = read_experiment(experiment)
+    inputs = recorded({"experiment": experiment})
     model, temperature = _model(described, power_w), described.protocol.temperatures_c[0]
     with output_directory(out) as folder:
         with working("sound field") as say:
@@ -67,7 +68,7 @@ def field_command(
         write_summary(
             folder,
             command="field",
-            inputs={"experiment": experiment},
+            inputs=inputs,
             settings={"acoustics": described.acoustics.model_dump(), "power_w": power_w, "chosen": _chosen(settings)},
             results=_results(data),
         )

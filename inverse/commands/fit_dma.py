@@ -13,10 +13,10 @@ import xarray as xr
 from arfjax import InputError
 from inverse.commands.console import show_lines, show_table, working
 from inverse.datasets.dma import DmaData, read_dma, sweeps_of_file
-from inverse.dma_fit import CONVENTIONAL, FRACTIONAL, DmaFit, SweepFit, fit_sweeps, magnitude_only
+from inverse.dma_fit import CONVENTIONAL, FRACTIONAL, DmaFit, NoFit, SweepFit, fit_sweeps
 from inverse.dma_residuals import LinearModulus, LogModulus, ModulusResidual
 from inverse.figures import dma_figure
-from inverse.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import figure_files, output_directory, quantity, recorded, write_figures, write_summary
 from inverse.seeds import HIGHEST_SEED
 
 
@@ -46,6 +46,8 @@ _RESIDUALS: dict[ResidualChoice, tuple[ModulusResidual, ...]] = {
     ResidualChoice.LOG: (LogModulus(),),
     ResidualChoice.LINEAR: (LinearModulus(),),
 }
+_MADE = figure_files(f"fit_{residual.name}" for residual in _RESIDUALS[ResidualChoice.BOTH])
+"""What some runs make and others do not."""
 _SUMS = (("sse_log", "1"), ("sse_linear", "Pa^2"), ("sse_relative", "1"))
 
 
@@ -64,11 +66,11 @@ def fit_dma(
     Writes parameters.csv, fit.nc, figures (PNG and PDF), summary.json and report.md into the folder `out`.
     """
     jax.config.update("jax_enable_x64", True)
-    measured = read_dma(data, trust_units=trust_units)
+    measured = read_dma(data, trust_units=trust_units, magnitude_only=magnitude)
+    inputs = recorded({"data": data})
     sweeps = sweeps_of_file(data, measured)
-    sweeps = magnitude_only(sweeps) if magnitude else sweeps
     chosen = _RESIDUALS[residuals]
-    with output_directory(out) as folder:
+    with output_directory(out, replaces=_MADE) as folder:
         with working(f"fitting {len(sweeps)} sweeps"):
             fit = fit_sweeps(sweeps, models=_MODELS[model], residuals=chosen, seed=seed, n_starts=starts)
         if not fit.fits and not any(one.means for one in fit.unfitted):
@@ -82,7 +84,7 @@ def fit_dma(
         write_summary(
             folder,
             command="fit-dma",
-            inputs={"data": data},
+            inputs=inputs,
             seed=seed,
             settings={
                 "model": model.value,
@@ -219,9 +221,17 @@ def _report(data: Path, measured: DmaData, fit: DmaFit, figures: list[str]) -> s
     if fit.unfitted:
         lines += ["", "## Not fitted", ""]
     for one in fit.unfitted:
-        means = "; ".join(f"{k} {v:.4g} ± {one.scatters[k]:.2g} Pa" for k, v in one.means.items())
-        lines += [f"- {one.sweep.label} ({', '.join(one.models)}): {one.reason}.{' Mean: ' + means if means else ''}"]
+        lines += [f"- {one.sweep.label} ({', '.join(one.models)}): {one.reason}.{_repeats(one)}"]
     return "\n".join(lines) + "\n"
+
+
+def _repeats(one: NoFit) -> str:
+    """Mean and scatter of rows at one frequency, or the reading that is the only one."""
+    if not one.means:
+        return ""
+    if len(one.sweep.data) == 1:
+        return " One reading: " + "; ".join(f"{kind} {value:.4g} Pa" for kind, value in one.means.items())
+    return " Mean: " + "; ".join(f"{k} {value:.4g} ± {one.scatters[k]:.2g} Pa" for k, value in one.means.items())
 
 
 def _row(one: SweepFit) -> list[str]:

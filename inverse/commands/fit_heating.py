@@ -15,7 +15,7 @@ from inverse.commands.console import show_lines, show_table, working
 from inverse.datasets.table import unused
 from inverse.datasets.thermometry import HOTTEST, read_thermometry
 from inverse.figures import heating_figure
-from inverse.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
 from inverse.seeds import HIGHEST_SEED
 from inverse.thermometry_fit import HeatingFit, fit_heating
 from inverse.thermometry_model import CONSTANTS, COURSE_ACCURACY
@@ -52,7 +52,7 @@ def fit_heating_command(
     jax.config.update("jax_enable_x64", True)
     if baseline is not None and not 0.0 <= baseline <= HOTTEST:
         raise InputError(f"`--baseline` must be a temperature from 0 to {HOTTEST:g} degC, got {baseline}.")
-    measured = read_thermometry(data, trust_units=trust_units)
+    measured, inputs = read_thermometry(data, trust_units=trust_units), recorded({"data": data})
     with output_directory(out) as folder:
         with working("compiling the simulation and its derivatives") as say:
             fit = fit_heating(measured, baseline=baseline, seed=seed, n_starts=starts, on_step=say)
@@ -64,7 +64,7 @@ def fit_heating_command(
         write_summary(
             folder,
             command="fit-heating",
-            inputs={"data": data},
+            inputs=inputs,
             seed=seed,
             settings={"baseline": baseline, "starts": starts, "trust_units": trust_units},
             results=_results(fit),

@@ -1,6 +1,7 @@
 """`arfjax infer`: constants with honest uncertainty, from DMA, from HMI or from both at once."""
 
 import enum
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -8,12 +9,13 @@ from typing import Annotated
 import jax
 import typer
 
-from arfjax import InputError, read_experiment
+from arfjax import Experiment, InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.infer_report import evidence_line, parameter_rows, report, results, write_parameters
 from inverse.commands.partial import StoppedEarly
 from inverse.datasets.dma import Sweep, read_dma, sweeps_of_file
-from inverse.datasets.hmi import read_hmi
+from inverse.datasets.dma_checks import SWEEP_GAP
+from inverse.datasets.hmi import HmiData, read_hmi
 from inverse.figures.posterior import (
     Panel,
     dma_panels,
@@ -27,13 +29,14 @@ from inverse.hmi_problem import HmiProblem, hmi_problem
 from inverse.inference.dma import dma_measurement, dma_problem, of_liver
 from inverse.inference.experiment import (
     DIFFERING,
+    InferenceSettings,
     anchored,
     inference_problem,
     inference_settings,
 )
 from inverse.inference.hmi import used_rows
 from inverse.inference.problem import Problem
-from inverse.output import output_directory, write_figures, write_summary
+from inverse.output import figure_files, output_directory, recorded, write_figures, write_summary
 from inverse.sampling import left_out, posterior_record, save_posterior
 from inverse.seeds import HIGHEST_SEED
 from inverse.study import Effort, Sampler, Study, infer
@@ -47,6 +50,8 @@ _LOOKED_AT = 200
 _MOST_AT_EDGE = 0.02
 _CORNER = 12
 _BATCH = 16
+_MADE = ["posterior.nc", *figure_files(("predictions_dma", "predictions_hmi", "overlap", "traces", "corner"))]
+"""What some runs make and others do not."""
 
 
 class Across(enum.StrEnum):
@@ -98,7 +103,6 @@ def infer_command(
     stopped goes on where it was when the command is given again (nuts and emcee): its draws are in run.h5 there.
     """
     jax.config.update("jax_enable_x64", True)
-    given = {"experiment": experiment, "dma": dma, "hmi": hmi}
     if dma is None and hmi is None:
         raise InputError("nothing to infer from: give --dma FILE, --hmi FILE or both.")
     if hmi is not None and experiment is None:
@@ -112,6 +116,9 @@ def infer_command(
     if target_acceptance is not None and sampler is not Sampler.NUTS:
         raise InputError("--target-acceptance is of nuts: leave it out, or take --sampler nuts.")
     sweeps = [] if dma is None else _sweeps(dma, temperature, across, trust_units, alone=experiment is None)
+    described = None if experiment is None else _described(experiment, across, varying or [])
+    curves = None if hmi is None else read_hmi(hmi)
+    inputs = recorded({"experiment": experiment, "dma": dma, "hmi": hmi})
     starts = starts if hmi is None else min(starts, _MOST_STARTS_OF_HMI)
     effort = Effort(
         starts=starts,
@@ -124,8 +131,8 @@ def infer_command(
         chunk=None if hmi is None else _BATCH,
     )
     # Before anything is computed: a folder that cannot be written to is told at once.
-    with working("reading") as say, output_directory(out) as folder:
-        problem, panels, made = _problem(experiment, sweeps, hmi, across, varying or [], seed, say)
+    with working("reading") as say, output_directory(out, replaces=_MADE) as folder:
+        problem, panels, made = _problem(described, sweeps, curves, across, seed, say)
         file = out / "run.h5" if sampler in (Sampler.NUTS, Sampler.EMCEE) else None
         try:
             study = infer(problem, sampler=sampler, seed=seed, effort=effort, evidence=evidence, file=file, on_step=say)
@@ -139,12 +146,12 @@ def infer_command(
             remark = " ".join(each for each in (remark, _cut_off(made, study)) if each)
         say("figures")
         figures, note = _write_posterior(folder, study, panels, seed)
-        not_used = [*(sweeps[0].data.remarks if sweeps else ()), *(read_hmi(hmi).remarks if hmi else ())]
+        not_used = [*(sweeps[0].data.remarks if sweeps else ()), *(curves.remarks if curves else ())]
         remark = " ".join(each for each in (remark, note, *not_used) if each)
         write_parameters(folder / "parameters.csv", study)
-        inputs = {name: path for name, path in given.items() if path is not None}
         labels = [sweep.label for sweep in sweeps]
-        (folder / "report.md").write_text(report(study, inputs, labels, figures, checked, remark), encoding="utf-8")
+        given = [path for path in (experiment, dma, hmi) if path is not None]
+        (folder / "report.md").write_text(report(study, given, labels, figures, checked, remark), encoding="utf-8")
         write_summary(
             folder,
             command="infer",
@@ -186,11 +193,8 @@ def _sweeps(path: Path, temperature: float | None, across: Across, trust_units: 
     sweeps = list(sweeps_of_file(path, read_dma(path, trust_units=trust_units)))
     if temperature is not None:
         sweeps = _nearest(path, sweeps, temperature, each_sample=across is Across.SAMPLE)
-    if across in (Across.SAMPLE, Across.TEMPERATURE) and len(sweeps) < 2:
-        raise InputError(
-            f"--across {across.value}: a population needs two sweeps or more, here is one ({sweeps[0].label}); leave "
-            "--across or --temperature out."
-        )
+    if across in (Across.SAMPLE, Across.TEMPERATURE):
+        _require_population(path, sweeps, across)
     if alone and across is Across.NONE and len(sweeps) > _MOST_SEPARATE:
         raise InputError(
             f"{path}: holds {len(sweeps)} sweeps; choose one by --temperature, or let their constants come from one "
@@ -200,6 +204,34 @@ def _sweeps(path: Path, temperature: float | None, across: Across, trust_units: 
     if alone and short:
         raise InputError(f"{path}: the sweep at {short[0].label} has a single frequency, which fixes no constants.")
     return sweeps
+
+
+def _require_population(path: Path, sweeps: list[Sweep], across: Across) -> None:
+    """Refuse sweeps that are one, that do not differ by what is named, or of which some are alike in it."""
+    if len(sweeps) < 2:
+        raise InputError(
+            f"--across {across.value}: a population needs two sweeps or more, here is one ({sweeps[0].label}); leave "
+            "--across or --temperature out."
+        )
+    if across is Across.SAMPLE and len({sweep.sample for sweep in sweeps}) < 2:
+        raise InputError(
+            f"--across sample: the sweeps of {path} are of one sample; name samples in a column 'sample', or take "
+            "--across temperature."
+        )
+    if across is Across.SAMPLE:
+        pairs = itertools.pairwise(sorted(sweeps, key=lambda sweep: sweep.sample))
+        alike = [pair for pair in pairs if pair[0].sample == pair[1].sample]
+        mend = "choose one sweep of each sample by --temperature"
+    else:
+        pairs = itertools.pairwise(sorted(sweeps, key=lambda sweep: sweep.temperature_c))
+        alike = [pair for pair in pairs if pair[1].temperature_c - pair[0].temperature_c <= SWEEP_GAP]
+        mend = "take --across sample, or give a file of one sample"
+    if alike:
+        one, other = alike[0]
+        raise InputError(
+            f"--across {across.value}: the sweeps of {path} at {one.label} and {other.label} do not differ by "
+            f"{across.value}; {mend}."
+        )
 
 
 def _nearest(path: Path, sweeps: list[Sweep], temperature: float, *, each_sample: bool) -> list[Sweep]:
@@ -215,12 +247,21 @@ def _nearest(path: Path, sweeps: list[Sweep], temperature: float, *, each_sample
     return [min(part, key=lambda sweep: abs(sweep.temperature_c - temperature)) for part in parts]
 
 
+def _described(path: Path, across: Across, varying: list[str]) -> tuple[Experiment, InferenceSettings]:
+    """The experiment, and what it and the command line say of the inference."""
+    described = read_experiment(path)
+    settings = inference_settings(described, str(path))
+    if across is Across.SONICATION:
+        names = tuple(varying) or settings.across_sonications or DIFFERING
+        settings = settings.model_copy(update={"across_sonications": names})
+    return described, settings
+
+
 def _problem(
-    experiment: Path | None,
+    experiment: tuple[Experiment, InferenceSettings] | None,
     sweeps: list[Sweep],
-    hmi: Path | None,
+    curves: HmiData | None,
     across: Across,
-    varying: list[str],
     seed: int,
     say: Callable[[str], None],
 ) -> tuple[Problem, dict[str, list[Panel]], HmiProblem | None]:
@@ -229,20 +270,15 @@ def _problem(
     if experiment is None:
         population = None if across is Across.NONE else across.value
         return dma_problem(sweeps, across=population), panels, None
-    described = read_experiment(experiment)
-    settings = inference_settings(described, str(experiment))
-    if across is Across.SONICATION:
-        names = tuple(varying) or settings.across_sonications or DIFFERING
-        settings = settings.model_copy(update={"across_sonications": names})
+    described, settings = experiment
     measurements = [dma_measurement(sweeps, of_liver)] if sweeps else []
-    if hmi is None:
+    if curves is None:
         model = anchored(described.model(), settings)
         alone = settings.model_copy(update={"across_sonications": ()})
         return inference_problem(alone, model, tuple(measurements)), panels, None
-    data = read_hmi(hmi)
     say("fast model: drawing models to learn from")
-    made = hmi_problem(described, settings, data, measurements, seed=seed, on_step=say)
-    panels["hmi"] = hmi_panels(data, used_rows(data, settings.reference_temperature_c))
+    made = hmi_problem(described, settings, curves, measurements, seed=seed, on_step=say)
+    panels["hmi"] = hmi_panels(curves, used_rows(curves, settings.reference_temperature_c))
     return made.problem, panels, made
 
 

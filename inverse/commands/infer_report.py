@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -96,15 +96,15 @@ def results(study: Study, checked: Verification | None, remark: str = "") -> dic
 
 def report(
     study: Study,
-    inputs: Mapping[str, Path],
+    inputs: Sequence[Path],
     sweeps: Sequence[str],
     figures: Sequence[str],
     checked: Verification | None,
     remark: str = "",
 ) -> str:
-    """The report, as Markdown; `sweeps` are used, `remark` is what must be known of how a fast model was made."""
+    """The report, as Markdown; `sweeps` are used, `remark` is what must be known of data and fast model."""
     header, rows = parameter_rows(study)
-    lines = [f"# Inference from {' and '.join(path.name for path in inputs.values())}", ""]
+    lines = [f"# Inference from {' and '.join(path.name for path in inputs)}", ""]
     lines += [f"Sweeps: {'; '.join(sweeps)}.", ""] if sweeps else []
     lines += [*_table(header, rows), "", *_fit_lines(study)]
     lines += _posterior_lines(study, checked, remark)
@@ -123,7 +123,7 @@ def _fit_lines(study: Study) -> list[str]:
 
 def _posterior_lines(study: Study, checked: Verification | None, remark: str) -> list[str]:
     if study.draws is None or study.diagnostics is None:
-        return []
+        return [remark, ""] if remark else []
     lines = ["## Posterior", "", f"{study.draws.sampler}, seed {study.draws.seed}: {study.draws.message}.", ""]
     lines += [f"- {each}" for each in study.diagnostics.complaints]
     if study.evidence is not None:

@@ -29,7 +29,7 @@ from inverse.commands.notes import (
     lesion_range_notes,
     sound_notes,
 )
-from inverse.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
 
 _HOTTEST_RESOLVED = 85.0  # degC; what the elements of steady shaking are chosen for
 
@@ -45,6 +45,7 @@ def monitor_command(
     (PNG and PDF), report.md and summary.json into the folder `out`.
     """
     described = read_experiment(experiment)
+    inputs = recorded({"experiment": experiment})
     monitoring, mean_power = described.monitoring, float(described.sonicated().drive.acoustic_power)
     model = described.model_at(mean_power / monitoring.mean_force())
     assumed = assumed_notes(described, *WATCHED, power=mean_power)
@@ -88,7 +89,7 @@ def monitor_command(
         write_summary(
             folder,
             command="monitor",
-            inputs={"experiment": experiment},
+            inputs=inputs,
             settings={
                 "sonication": described.sonication.model_dump(),
                 "monitoring": monitoring.model_dump(),

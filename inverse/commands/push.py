@@ -14,7 +14,7 @@ from arfjax.io import push_dataset, write_netcdf
 from arfjax.numerics.compiled import compiled
 from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.notes import assumed_notes, grid_notes, sound_notes
-from inverse.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
 
 _SHORTEST_WATCH, _LONGEST_WATCH = 0.5, 50.0  # ms
 _COURSES = {
@@ -40,6 +40,7 @@ def push_command(
     Writes push.nc, a figure (PNG and PDF), report.md and summary.json into the folder `out`.
     """
     described = read_experiment(experiment)
+    inputs = recorded({"experiment": experiment})
     assumed = assumed_notes(described, "mechanics", "lesion")
     temperature, watch = _checked(described, temperature_c, watch_ms)
     model, protocol = described.model(), described.stepwise()
@@ -71,7 +72,7 @@ def push_command(
         write_summary(
             folder,
             command="push",
-            inputs={"experiment": experiment},
+            inputs=inputs,
             settings={"temperature_c": temperature, "watch_ms": watch_ms, "protocol": described.protocol.model_dump()},
             results=_results(data),
         )

@@ -17,7 +17,7 @@ from inverse.commands.reproduction_report import report, write_readings, write_r
 from inverse.datasets.hmi import read_hmi
 from inverse.datasets.shipped import shipped
 from inverse.figures import paper
-from inverse.output import output_directory, write_figures, write_summary
+from inverse.output import output_directory, recorded, write_figures, write_summary
 from inverse.reproduction import TEMPERATURES, Bench, Comparison, Reading, Row, SecondStudy, Variation
 
 _LESIONS = ("table", "dose", "semi-axes")
@@ -58,7 +58,7 @@ def reproduce(
     (PNG and PDF), report.md and summary.json into the folder `out`.
     """
     path = shipped("suomi2016_experiment") if experiment is None else experiment
-    described = read_experiment(path)
+    described, inputs = read_experiment(path), recorded({"experiment": path})
     steps = described.protocol.temperatures_c
     if steps[0] != TEMPERATURES[0] or steps[-1] != TEMPERATURES[-1]:
         raise InputError(
@@ -84,7 +84,7 @@ def reproduce(
         write_summary(
             folder,
             command="reproduce",
-            inputs={"experiment": path},
+            inputs=inputs,
             settings={"temperatures_degc": list(TEMPERATURES)},
             results={
                 "rows": [_as_json(row) for row in outcome.rows],

@@ -27,7 +27,7 @@ from arfjax.io import field_dataset, heating_dataset, stepwise_dataset, write_ne
 from arfjax.numerics.compiled import compiled
 from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.notes import assumed_notes, boiling_notes, grid_notes, sound_notes
-from inverse.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
 
 _FIELD_RADIUS = 20e-3  # m
 _FIELD_STEP = 0.25e-3  # m
@@ -42,6 +42,7 @@ def simulate(
     Writes simulation.nc, figures (PNG and PDF), report.md and summary.json into the folder `out`.
     """
     described = read_experiment(experiment)
+    inputs = recorded({"experiment": experiment})
     assumed = assumed_notes(described, "mechanics", "lesion")
     model = described.model()
     with output_directory(out) as folder:
@@ -82,7 +83,7 @@ def simulate(
         write_summary(
             folder,
             command="simulate",
-            inputs={"experiment": experiment},
+            inputs=inputs,
             settings={"protocol": described.protocol.model_dump()},
             results=_results(data, heating),
         )

@@ -30,7 +30,7 @@ from arfjax.io import field_dataset, sonication_dataset, write_netcdf
 from arfjax.numerics.compiled import compiled
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.notes import assumed_notes, boiling_notes, grid_notes, heated_range_notes, sound_notes
-from inverse.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
 
 _SHOWN_RADIUS = 8e-3  # m
 _SHOWN_REACH = 13e-3  # m
@@ -47,6 +47,7 @@ def sonicate_command(
     Writes sonication.nc, force.nc, figures (PNG and PDF), curves.csv, report.md and summary.json into the folder `out`.
     """
     described = read_experiment(experiment)
+    inputs = recorded({"experiment": experiment})
     model = described.sonicated()
     assumed = assumed_notes(described, "sonication", power=model.drive.acoustic_power)
     with output_directory(out) as folder:
@@ -85,7 +86,7 @@ def sonicate_command(
         write_summary(
             folder,
             command="sonicate",
-            inputs={"experiment": experiment},
+            inputs=inputs,
             settings={"sonication": described.sonication.model_dump()},
             results=_results(data, result),
         )

@@ -23,7 +23,7 @@ from inverse.figures import draw_bands, draw_sensitivity
 from inverse.monte_carlo import SPREADS, analyse, draw_factors, run_samples, stepwise_outcome, transient_outcome
 from inverse.monte_carlo.bands import curves_by_temperature, levels_of
 from inverse.monte_carlo.runs import Outcome
-from inverse.output import output_directory, sha256, write_figures, write_summary
+from inverse.output import output_directory, recorded, write_figures, write_summary
 from inverse.seeds import HIGHEST_SEED
 from inverse.software import versions
 
@@ -82,13 +82,13 @@ def vary_command(
     the same command is given again. Writes variability.nc, curves.csv, bands.csv, figures (PNG and PDF), report.md and
     summary.json into the folder `out`.
     """
-    described = read_experiment(experiment)
+    described, inputs = read_experiment(experiment), recorded({"experiment": experiment})
     drawn = draw_factors(SPREADS, samples, seed)
     factors = np.concatenate([np.ones((1, drawn.shape[1])), drawn])
     task = _stepwise_task(described) if protocol is VariedProtocol.STEPWISE else _transient_task(described)
     settings = {"protocol": str(protocol), "samples": samples, "sampling": "Latin hypercube"}
-    inputs = {"experiment": sha256(experiment), "factors": hashlib.sha256(factors.tobytes()).hexdigest()}
-    partial = PartialFile(out, settings | {"seed": seed} | inputs | versions())
+    digests = {"experiment": inputs["experiment"]["sha256"], "factors": hashlib.sha256(factors.tobytes()).hexdigest()}
+    partial = PartialFile(out, settings | {"seed": seed} | digests | versions())
     try:
         with output_directory(out) as folder:
             outcomes = _run(task, factors, partial)
@@ -107,7 +107,7 @@ def vary_command(
             write_summary(
                 folder,
                 command="vary",
-                inputs={"experiment": experiment},
+                inputs=inputs,
                 settings=settings,
                 results=results(data),
                 seed=seed,

@@ -30,7 +30,7 @@ from arfjax.io import vibration_dataset, write_netcdf
 from arfjax.numerics.compiled import compiled
 from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.notes import assumed_notes, grid_notes, sound_notes
-from inverse.output import output_directory, quantity, write_figures, write_summary
+from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
 
 _LOWEST, _HIGHEST = 5.0, 1000.0  # Hz
 _SHOWN = 5
@@ -70,6 +70,7 @@ def vibrate_command(
     Writes vibration.nc, a figure (PNG and PDF), report.md and summary.json into the folder `out`.
     """
     described = read_experiment(experiment)
+    inputs = recorded({"experiment": experiment})
     assumed = assumed_notes(described, "mechanics", "lesion")
     temperature, course = _checked(described, temperature_c, frequency_hz, modulation, depth, duty_cycle)
     model, protocol = described.model(), described.stepwise()
@@ -104,7 +105,7 @@ def vibrate_command(
         write_summary(
             folder,
             command="vibrate",
-            inputs={"experiment": experiment},
+            inputs=inputs,
             settings={
                 "temperature_c": temperature,
                 "frequency_hz": frequency_hz,

@@ -11,6 +11,7 @@ from arfjax import InputError
 from arfjax.units import MODULUS_IN_PASCAL
 from inverse.datasets.copies import distinct_rows, said_of_copies
 from inverse.datasets.dma_checks import SWEEP_GAP, check_magnitudes, check_samples, check_signs, check_time
+from inverse.datasets.dma_moduli import moduli, unused_columns
 from inverse.datasets.table import TEMPERATURE_UNITS, TIME_UNITS, Columns, Quantity, read_columns, unused
 
 _SAME_FREQUENCY = 1e-3
@@ -117,6 +118,21 @@ class DmaData:
         copies = len(self) - len(kept)
         return dataclasses.replace(self.select(kept), n_copies=self.n_copies + copies) if copies else self
 
+    def without_phase(self) -> "DmaData":
+        """The magnitude alone, with the deviations stated for it, or else with those of both moduli to first order."""
+        deviation, storage_sd, loss_sd = self.modulus_magnitude_sd, self.storage_modulus_sd, self.loss_modulus_sd
+        if deviation is None and self.has_phase and storage_sd is not None and loss_sd is not None:
+            along = np.hypot(self.storage_modulus * storage_sd, self.loss_modulus * loss_sd)
+            deviation = along / self.modulus_magnitude
+        return dataclasses.replace(
+            self,
+            storage_modulus=None,
+            loss_modulus=None,
+            storage_modulus_sd=None,
+            loss_modulus_sd=None,
+            modulus_magnitude_sd=deviation,
+        )
+
     def select(self, rows: Int[np.ndarray, " m"] | Bool[np.ndarray, " n"]) -> "DmaData":
         """Some of the rows."""
         chosen = {
@@ -174,7 +190,7 @@ def dma_data(
     return DmaData(frequency_hz, temperature_c, np.hypot(storage, loss), storage, loss)
 
 
-def read_dma(path: Path | str, *, trust_units: bool = False) -> DmaData:
+def read_dma(path: Path | str, *, trust_units: bool = False, magnitude_only: bool = False) -> DmaData:
     """Read a measurement file.
 
     Columns: `frequency_hz`, `temperature_c`, `storage_modulus_pa` and `loss_modulus_pa` (or `modulus_magnitude_pa`; or
@@ -185,6 +201,7 @@ def read_dma(path: Path | str, *, trust_units: bool = False) -> DmaData:
     Args:
         path: CSV file, separated by commas, semicolons or tabs; `#` starts a comment line.
         trust_units: Believe the file's units even where the numbers look like other units.
+        magnitude_only: Leave the phase out, see `DmaData.without_phase`.
 
     Returns:
         The rows in SI units and degC, in the file's order.
@@ -195,15 +212,13 @@ def read_dma(path: Path | str, *, trust_units: bool = False) -> DmaData:
     columns = read_columns(Path(path), _VOCABULARY, required=("temperature",))
     numbers, table = columns.numbers, columns.table
     frequency = _frequency(columns)
-    storage, loss, magnitude = _moduli(columns)
-    if len(table.rows) < 2:
-        table.refuse("there is only one row; expected a measurement at two frequencies or more.")
+    storage, loss, magnitude = moduli(columns)
     check_signs(columns)
     if not trust_units:
         check_magnitudes(columns)
     check_samples(columns)
     check_time(columns)
-    return DmaData(
+    data = DmaData(
         frequency_hz=frequency,
         temperature_c=numbers["temperature"],
         modulus_magnitude=magnitude,
@@ -214,8 +229,12 @@ def read_dma(path: Path | str, *, trust_units: bool = False) -> DmaData:
         modulus_magnitude_sd=numbers.get("modulus_magnitude_sd"),
         time_s=numbers.get("time"),
         sample=columns.labels.get("sample", ()),
-        ignored_columns=(*columns.ignored, *_unused(columns, _used(numbers))),
+        ignored_columns=(*columns.ignored, *unused_columns(columns, magnitude_only=magnitude_only)),
     ).without_copies()
+    if len(data) < 2:
+        written = f" that is written {len(table.rows)} times" if data.n_copies else ""
+        table.refuse(f"there is only one row{written}; expected a measurement at two frequencies or more.")
+    return data.without_phase() if magnitude_only else data
 
 
 def require_loss(data: DmaData, name: str) -> None:
@@ -291,77 +310,3 @@ def _frequency(columns: Columns) -> Float[np.ndarray, " n"]:
     columns.table.refuse(
         f"no column for frequency; expected a header such as 'frequency_hz' or 'omega_rad_s', found {found}."
     )
-
-
-def _unused(columns: Columns, used: frozenset[str]) -> tuple[str, ...]:
-    """Headers of quantities that others say already, or that nothing is done with beside them."""
-    return tuple(columns.header(name) for name in columns.numbers if name not in used)
-
-
-def _used(numbers: dict[str, Float[np.ndarray, " n"]]) -> frozenset[str]:
-    """Quantities that data are made of."""
-    always = {"temperature", "time", "frequency" if "frequency" in numbers else "angular_frequency"}
-    if pair := _saying_both(numbers):
-        return frozenset(always | _SAYING_BOTH[pair] | {"storage_modulus_sd", "loss_modulus_sd"})
-    return frozenset(always | {"modulus_magnitude", "modulus_magnitude_sd"})
-
-
-def _moduli(columns: Columns):
-    """Storage and loss modulus (None without both) and magnitude."""
-    table = columns.table
-    if _saying_both(columns.numbers) == "loss" and np.any(none := columns.numbers["loss_tangent"] == 0.0):
-        row, header = int(np.argmax(none)), columns.header("loss_tangent")
-        table.refuse("a loss tangent of 0 gives no storage modulus; add that column.", row=row, column=header)
-    numbers = _with_both(columns.numbers)
-    pair = [name for name in ("storage_modulus", "loss_modulus") if name in numbers]
-    if len(pair) == 1 and "modulus_magnitude" not in numbers:
-        other = "loss_modulus" if pair == ["storage_modulus"] else "storage_modulus"
-        table.refuse(
-            f"no column for {other.replace('_', ' ')} beside '{columns.header(pair[0])}'; "
-            f"expected '{other}_pa', or 'tan_delta', or 'modulus_magnitude_pa' alone."
-        )
-    if not pair and "modulus_magnitude" not in numbers:
-        found = ", ".join(repr(header) for header in table.header)
-        table.refuse(
-            f"no column for the modulus; expected 'storage_modulus_pa' and 'loss_modulus_pa', or "
-            f"'modulus_magnitude_pa', found {found}."
-        )
-    for name in ("storage_modulus_sd", "loss_modulus_sd"):
-        if name in numbers and not {"storage_modulus_sd", "loss_modulus_sd"} <= numbers.keys():
-            table.refuse(
-                "standard deviations of storage and loss modulus go together; add the other one or remove this one.",
-                column=columns.header(name),
-            )
-    if len(pair) == 2:
-        storage, loss = numbers["storage_modulus"], numbers["loss_modulus"]
-        return storage, loss, np.hypot(storage, loss)
-    return None, None, numbers["modulus_magnitude"]
-
-
-_SAYING_BOTH = {
-    "moduli": {"storage_modulus", "loss_modulus"},
-    "storage": {"storage_modulus", "loss_tangent"},
-    "magnitude": {"modulus_magnitude", "loss_tangent"},
-    "loss": {"loss_modulus", "loss_tangent"},
-}
-"""Pairs that give both moduli, the one that is taken first."""
-
-
-def _saying_both(numbers: dict[str, Float[np.ndarray, " n"]]) -> str:
-    """The pair that gives both moduli; empty where none does."""
-    return next((name for name, pair in _SAYING_BOTH.items() if pair <= numbers.keys()), "")
-
-
-def _with_both(numbers: dict[str, Float[np.ndarray, " n"]]) -> dict[str, Float[np.ndarray, " n"]]:
-    """Quantities with both moduli among them, where a loss tangent gives the one that is missing."""
-    pair = _saying_both(numbers)
-    if pair in ("", "moduli"):
-        return numbers
-    tangent = numbers["loss_tangent"]
-    if pair == "storage":
-        storage = numbers["storage_modulus"]
-    elif pair == "magnitude":
-        storage = numbers["modulus_magnitude"] / np.sqrt(1.0 + tangent**2)
-    else:
-        storage = numbers["loss_modulus"] / tangent
-    return {**numbers, "storage_modulus": storage, "loss_modulus": storage * tangent}

@@ -1,7 +1,9 @@
 """What a table of dynamic mechanical analysis cannot hold: signs, magnitudes and times that no measurement has."""
 
 import numpy as np
+from jaxtyping import Float
 
+from inverse.datasets.dma_moduli import saying_both, with_both
 from inverse.datasets.table import Columns
 
 SOFTEST_PLAUSIBLE = 500.0
@@ -10,6 +12,9 @@ STIFFEST_PLAUSIBLE = 1.2e12
 """Young's modulus of diamond [Pa]; nothing measured by dynamic mechanical analysis is stiffer."""
 SMALLEST_LOSS_TANGENT, LARGEST_LOSS_TANGENT = 1e-3, 1e2
 """Typical ratios of loss to storage modulus that tissue, gels and polymers do not leave; kPa beside Pa does."""
+LARGEST_STATED_TANGENT, RIGHT_ANGLE = 5.0, 90.0
+"""Typical loss tangent of a column that tissue, gels and polymers below their flow do not exceed; a phase in degrees
+does, up to the right angle."""
 HOTTEST_START = 200.0
 """Lowest temperature [degC] of a file above which its temperatures are taken for kelvin."""
 SWEEP_GAP = 1.0
@@ -47,7 +52,7 @@ def check_signs(columns: Columns) -> None:
 
 
 def check_magnitudes(columns: Columns) -> None:
-    """Refuse numbers that look like kelvin, kPa or MPa under headers that say otherwise."""
+    """Refuse numbers that look like kelvin, kPa, MPa or degrees of phase under headers that say otherwise."""
     table = columns.table
     lowest = float(np.min(columns.numbers["temperature"]))
     if lowest > HOTTEST_START:
@@ -56,14 +61,15 @@ def check_magnitudes(columns: Columns) -> None:
             f"'temperature_k', or trust the file's units (--trust-units).",
             column=columns.header("temperature"),
         )
-    for name in ("storage_modulus", "modulus_magnitude", "loss_modulus"):
-        if name not in columns.numbers:
-            continue
-        highest = float(np.max(columns.numbers[name]))
+    _check_tangent(columns)
+    for name, values in _stiffnesses(columns).items():
+        highest = float(np.max(values))
         in_pascal = (columns.found[name].unit or "pa").lower() == "pa"
-        if highest < SOFTEST_PLAUSIBLE and in_pascal and name != "loss_modulus":
+        # A loss modulus alone may be small; with its tangent it says how stiff the sample is.
+        whole = name != "loss_modulus" or saying_both(columns.numbers) == "loss"
+        if highest < SOFTEST_PLAUSIBLE and in_pascal and whole:
             table.refuse(
-                f"no value is above {highest:g} Pa, which looks like kPa or MPa; name the unit in the header "
+                f"no modulus is above {highest:g} Pa, which looks like kPa or MPa; name the unit in the header "
                 f"('{name}_kpa'), or trust the file's units (--trust-units).",
                 column=columns.header(name),
             )
@@ -74,6 +80,30 @@ def check_magnitudes(columns: Columns) -> None:
                 column=columns.header(name),
             )
     _check_ratio(columns)
+
+
+def _stiffnesses(columns: Columns) -> dict[str, Float[np.ndarray, " n"]]:
+    """Moduli by the column that states them [Pa]; of a loss modulus with its tangent the magnitude that they make."""
+    numbers = columns.numbers
+    stated = {n: numbers[n] for n in ("storage_modulus", "modulus_magnitude", "loss_modulus") if n in numbers}
+    if saying_both(numbers) == "loss":
+        both = with_both(numbers)
+        stated["loss_modulus"] = np.hypot(both["storage_modulus"], both["loss_modulus"])
+    return stated
+
+
+def _check_tangent(columns: Columns) -> None:
+    """Refuse a loss tangent that looks like the phase itself in degrees, where moduli are made of it."""
+    if saying_both(columns.numbers) in ("", "moduli"):
+        return
+    tangent = columns.numbers["loss_tangent"]
+    typical = float(np.median(tangent))
+    if typical > LARGEST_STATED_TANGENT and np.max(tangent) <= RIGHT_ANGLE:
+        columns.table.refuse(
+            f"the loss tangent is typically {typical:.3g}, which looks like a phase in degrees; give its tangent, or "
+            "trust the file's units (--trust-units).",
+            column=columns.header("loss_tangent"),
+        )
 
 
 def _check_ratio(columns: Columns) -> None:

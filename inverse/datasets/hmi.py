@@ -116,8 +116,6 @@ def read_hmi(path: str | Path) -> HmiData:
             f"no column for time or temperature; expected 'time_s' or 'temperature_c', found {_named(columns)}."
         )
     name = _displacement_column(columns)
-    if len(table.rows) < 2:
-        table.refuse("only one row; a curve needs at least two measurements.")
     sonication = columns.labels.get("sonication", ("1",) * len(table.rows))
     if "" in sonication:
         table.refuse(
@@ -140,6 +138,9 @@ def read_hmi(path: str | Path) -> HmiData:
         lines=table.lines,
     )
     data = data.without_copies()
+    if len(data.sonication) < 2:
+        written = f", written {len(table.rows)} times" if data.n_copies else ""
+        table.refuse(f"only one row{written}; a curve needs at least two measurements.")
     _check_time(columns, data)
     return data
 
@@ -231,13 +232,14 @@ def _bare(columns: Columns, name: str) -> bool:
 def _check_time(columns: Columns, data: HmiData) -> None:
     if data.time is None:
         return
-    header = columns.header("time")
+    # Copies are left out of the data, not of the table.
+    header, row_of = columns.header("time"), {line: row for row, line in enumerate(columns.table.lines)}
     for label in data.labels:
         rows = data.rows_of(label)
         for earlier, later in zip(rows, rows[1:], strict=False):
             if data.time[later] > data.time[earlier]:
                 continue
-            row = columns.table.lines.index(data.lines[later])
+            row = row_of[data.lines[later]]
             if data.time[later] == data.time[earlier]:
                 columns.table.refuse(
                     f"the time is that of the row before in sonication {label}, of another reading; give time that "
@@ -249,4 +251,4 @@ def _check_time(columns: Columns, data: HmiData) -> None:
                 f"time does not increase within sonication {label}; sort the rows.", row=row, column=header
             )
         if data.time[rows[0]] < 0.0:
-            columns.table.refuse("time must not be negative.", row=rows[0], column=header)
+            columns.table.refuse("time must not be negative.", row=row_of[data.lines[rows[0]]], column=header)

@@ -4,23 +4,17 @@ A reader states its vocabulary, a tuple of `Quantity`; `read_columns` finds thos
 they are called, converts them to the package's units and refuses anything that it would have to guess.
 """
 
-import codecs
-import csv
 import dataclasses
-import io
-import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 from jaxtyping import Float
 
-from arfjax import InputError
 from arfjax.units import ZERO_CELSIUS_IN_KELVIN
+from inverse.datasets.delimited import Table, advice_on_commas, number_in, read_table, shortened
 
-DELIMITERS = (",", ";", "\t")
 TEMPERATURE_UNITS = {
     **{name: (1.0, 0.0) for name in ("c", "degc", "°c", "ºc", "celsius", "deg c")},
     **{name: (1.0, -ZERO_CELSIUS_IN_KELVIN) for name in ("k", "kelvin")},
@@ -29,9 +23,6 @@ TEMPERATURE_UNITS = {
 TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
 """Seconds per unit of time by the unit's name in lower case."""
 _TOO_LARGE = 1e150  # squares of larger numbers overflow
-_WITH_COMMA = re.compile(r"[-+]?\d+,\d+([eE][-+]?\d+)?")
-_WITH_POINT = re.compile(r"[-+]?\d+\.\d+([eE][-+]?\d+)?")
-_WITH_THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+\.\d+")
 NO_UNIT = ("", "-", "1", "none")
 
 
@@ -67,29 +58,6 @@ class Column:
 
 
 @dataclasses.dataclass(frozen=True)
-class Table:
-    """The cells of a delimited text file, comments and blank lines left out.
-
-    Attributes:
-        path: The file.
-        header: Names of the columns.
-        rows: Cells, stripped of blanks.
-        lines: Line number of each row in the file, counted from 1.
-        decimal_comma: Whether numbers are written as 1,5: the file has semicolons between cells and no number as 1.5.
-    """
-
-    path: Path
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    lines: tuple[int, ...]
-    decimal_comma: bool = False
-
-    def refuse(self, problem: str, *, row: int | None = None, column: str | None = None) -> NoReturn:
-        """Raise `InputError` about a place in this file, in one line."""
-        refuse(self.path, problem, line=None if row is None else self.lines[row], column=column)
-
-
-@dataclasses.dataclass(frozen=True)
 class Columns:
     """What a reader found in a file: values in the package's units by the quantity's name.
 
@@ -112,59 +80,9 @@ class Columns:
         return self.found[name].header
 
 
-def refuse(path: Path, problem: str, *, line: int | None = None, column: str | None = None) -> NoReturn:
-    """Raise `InputError` about a place in a file, in one line."""
-    place = str(path)
-    if line is not None:
-        place += f", line {line}"
-    if column is not None:
-        place += f", column '{column}'"
-    raise InputError(f"{place}: {problem}")
-
-
 def unused(headers: Sequence[str]) -> tuple[str, ...]:
     """What a report says of columns that were not used, misspelled ones perhaps; empty if there is none."""
     return (f"Columns not used: {', '.join(headers)}.",) if headers else ()
-
-
-def read_table(path: Path) -> Table:
-    """Read a delimited text file: UTF-8, separated by commas, semicolons or tabs, `#` for comments.
-
-    Columns without a name and without a single entry are left out: instruments end each line with a comma.
-
-    Raises:
-        InputError: if the file is missing, a folder, empty, not text, or its rows differ in length.
-    """
-    lines = [
-        (number, line)
-        for number, line in enumerate(_read_text(path).split("\n"), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not lines:
-        refuse(path, "the file holds no data; expected a header line and rows of numbers.")
-    delimiter = max(DELIMITERS, key=lines[0][1].count)
-    if delimiter not in lines[0][1]:
-        later = any(one in line for one in DELIMITERS for _, line in lines[1:])
-        mend = "begin lines before the header with '#', or remove them" if later else "save the table as CSV"
-        refuse(path, f"no comma, semicolon or tab in the header; {mend}.", line=lines[0][0])
-    try:
-        cells = [tuple(c.strip() for c in row) for row in csv.reader((t for _, t in lines), delimiter=delimiter)]
-    except csv.Error as error:
-        refuse(path, f"not readable as CSV ({error}); save the table as CSV.")
-    cells = _without_empty_columns(cells)
-    table = Table(path, cells[0], tuple(cells[1:]), tuple(number for number, _ in lines[1:]))
-    _check_shape(table, [number for number, _ in lines], len(cells))
-    filled = [place for place, row in enumerate(table.rows) if any(row)]
-    rows = tuple(table.rows[place] for place in filled)
-    numbers = [cell for row in rows for cell in row]
-    return dataclasses.replace(
-        table,
-        rows=rows,
-        lines=tuple(table.lines[place] for place in filled),
-        decimal_comma=delimiter == ";"
-        and any(_WITH_COMMA.fullmatch(cell) for cell in numbers)
-        and not any(_WITH_POINT.fullmatch(cell) for cell in numbers),
-    )
 
 
 def read_columns(path: Path, vocabulary: Sequence[Quantity], required: Sequence[str]) -> Columns:
@@ -212,54 +130,6 @@ def normalised(name: str) -> str:
     """A header without case, blanks and punctuation; primes are kept, a double prime as two."""
     name = name.replace("′", "'").replace("″", "''").replace("’", "'").replace('"', "''").replace("ω", "omega")
     return re.sub(r"[^a-z0-9'*|]", "", name.lower())
-
-
-def shortened(cell: str, length: int = 40) -> str:
-    """The beginning of a cell, for messages."""
-    return cell if len(cell) <= length else f"{cell[:length]}..."
-
-
-def _read_text(path: Path) -> str:
-    try:
-        if path.is_dir():
-            refuse(path, "is a folder; give the CSV file inside it.")
-        content = path.read_bytes()
-    except FileNotFoundError:
-        refuse(path, "no such file; check the path.")
-    except OSError as error:
-        refuse(path, f"cannot be read ({error.strerror}); check its permissions.")
-    if content.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
-        refuse(path, "is a spreadsheet, not text; export the sheet as CSV.")
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        refuse(path, "is UTF-16 text; save it as CSV in UTF-8.")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        refuse(path, f"is not UTF-8 text (byte {error.start}); save it as CSV in UTF-8.")
-    if "\0" in text:
-        refuse(path, "is not text (it holds null bytes); save the table as CSV in UTF-8.")
-    return io.StringIO(text, newline=None).read()
-
-
-def _without_empty_columns(cells: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """The same without columns of which nothing is written, if all rows are of one length."""
-    if len({len(row) for row in cells}) > 1 or not any(cells[0]):
-        return cells
-    written = [any(column) for column in zip(*cells, strict=True)]
-    return [tuple(itertools.compress(row, written)) for row in cells]
-
-
-def _check_shape(table: Table, lines: list[int], n_parsed: int) -> None:
-    if n_parsed != len(lines):
-        table.refuse("a quotation mark is not closed, so rows run together; remove quotation marks from the cells.")
-    for name in table.header:
-        if not name:
-            refuse(table.path, f"column {table.header.index('') + 1} has no name; give it one or remove it.")
-        if table.header.count(name) > 1:
-            refuse(table.path, "this header occurs twice; remove or rename one of the columns.", column=name)
-    for index, row in enumerate(table.rows):
-        if len(row) != len(table.header):
-            table.refuse(f"{len(row)} cells where the header has {len(table.header)}; complete the row.", row=index)
 
 
 def _split_unit(header: str) -> tuple[str, str | None]:
@@ -338,7 +208,7 @@ def _units_row(table: Table, vocabulary: Sequence[Quantity]) -> tuple[str, ...] 
         recognised = _recognise(header, vocabulary, unit)
         if recognised is None or recognised[0].text:
             continue
-        if _parse(cell, table) is not None:
+        if number_in(cell, table) is not None:
             return None
         hits += unit.lower() in recognised[0].units
     return tuple(cell.strip("()[]") for cell in first) if hits else None
@@ -348,12 +218,10 @@ def _numbers(table: Table, column: Column) -> Float[np.ndarray, " n"]:
     values = np.empty(len(table.rows))
     for index, row in enumerate(table.rows):
         cell = row[column.index]
-        value = _parse(cell, table)
+        value = number_in(cell, table)
         if value is None:
             shown = f"'{shortened(cell)}' is not a number" if cell else "the cell is empty"
-            hint = "; write decimals with a point" if _WITH_COMMA.fullmatch(cell) else ""
-            hint = "; write numbers without commas between thousands" if _WITH_THOUSANDS.fullmatch(cell) else hint
-            table.refuse(f"{shown}; expected a finite number{hint}.", row=index, column=column.header)
+            table.refuse(f"{shown}; expected a finite number{advice_on_commas(cell)}.", row=index, column=column.header)
         if not np.isfinite(value):
             table.refuse(f"'{shortened(cell)}' is not finite; remove the row.", row=index, column=column.header)
         values[index] = value
@@ -370,12 +238,3 @@ def _numbers(table: Table, column: Column) -> Float[np.ndarray, " n"]:
             column=column.header,
         )
     return converted
-
-
-def _parse(cell: str, table: Table) -> float | None:
-    if table.decimal_comma and _WITH_COMMA.fullmatch(cell):
-        cell = cell.replace(",", ".")
-    try:
-        return None if "_" in cell else float(cell)
-    except ValueError:
-        return None

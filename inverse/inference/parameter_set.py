@@ -26,12 +26,21 @@ class ParameterSet(eqx.Module):
     entries: tuple[Entry, ...]
 
     def __check_init__(self) -> None:
-        """Refuse two values of one name, whether of two entries or of two groups of one."""
+        """Refuse two values of one name, whether of two entries or of two groups of one, and two entries in a place."""
         entries = [entry.name for entry in self.entries]
         names = entries if len(set(entries)) < len(entries) else list(self.names)
         double = sorted({name for name in names if names.count(name) > 1})
         if double:
             raise InputError(f"two parameters are called `{double[0]}`; names must differ.")
+        standing: dict[str, str] = {}
+        for entry in self.entries:
+            place = entry.parameter.place
+            # Fits that put numbers in by hand name no place.
+            if place and standing.setdefault(place, entry.name) != entry.name:
+                raise InputError(
+                    f"parameters `{standing[place]}` and `{entry.name}` have the same place, `{place}`, "
+                    "which holds the value of one alone; leave the other out, or correct its place."
+                )
 
     @property
     def size(self) -> int:

@@ -11,8 +11,11 @@ from arfjax import InputError, discretise, read_experiment, run_stepwise
 from inverse import hmi_fit, hmi_model
 from inverse.datasets.hmi import HmiData
 from inverse.datasets.shipped import shipped
+from inverse.diagnosis.hmi import courses
 from inverse.hmi_fit import AttenuationPrior, CalibrationSettings, constants_of, fit_hmi
-from inverse.hmi_model import plan_sweeps, predict
+from inverse.hmi_model import plan_sweeps, predict, require_heating
+from inverse.hmi_problem import hmi_problem
+from inverse.inference.experiment import InferenceSettings
 
 TEMPERATURES = np.asarray([37.0, 45.0, 52.0, 58.0, 64.0, 70.0])
 TRUTH = {"attenuation": 1.10, "stiffness": 0.7}
@@ -303,3 +306,26 @@ def test_temperatures_below_the_start_are_refused(described, tmp_path):
     data = data_of(tmp_path / "x.csv", np.asarray([22.0, 60.0]), np.asarray([100.0, 101.0]), None)
     with pytest.raises(InputError, match="22 degC is below the protocol's start at 35 degC"):
         plan_sweeps(data, described.stepwise(), 37.0)
+
+
+COOLING = np.asarray([40.0, 50.0, 72.0, 71.0, 60.0])
+TIMES = np.asarray([5.0, 20.0, 60.0, 61.0, 75.0])
+
+
+def test_readings_while_it_cools_are_refused_as_a_diagnosis_refuses_them(described, tmp_path):
+    """The state of 60 degC while it cools is not that of 60 degC while it heats."""
+    assert (hmi_model._FALL, hmi_model._STILL) == (courses._FALL, courses._STILL)
+    path, displacement = tmp_path / "x.csv", np.asarray([100.0, 98.0, 80.0, 79.0, 70.0])
+    cooling = data_of(path, COOLING, displacement, None, time=TIMES)
+    said = "row 5: 60 degC after 72 in sonication 1; .*leave out readings while it cools"
+    model, protocol = described.model(), described.stepwise()
+    with pytest.raises(InputError, match=f"{said}.$"):
+        fit_hmi(model, cooling, protocol, discretise(model, refinement=0.4), CalibrationSettings())
+    with pytest.raises(InputError, match=f"{said}.$"):
+        hmi_problem(described, InferenceSettings(), cooling)
+    with pytest.raises(InputError, match=f"{said}, or sort the rows by temperature"):
+        require_heating(dataclasses.replace(cooling, time=None), 60.0)
+    held = dataclasses.replace(cooling, temperature=np.full(5, 72.0))
+    with pytest.raises(InputError, match="row 5: 75 s is after the sonication's end at 60 s"):
+        require_heating(held, 60.0)
+    require_heating(cooling.select(np.arange(4)), 60.0)

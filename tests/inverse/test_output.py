@@ -6,7 +6,7 @@ import json
 import pytest
 
 from arfjax.errors import InputError
-from inverse.output import output_directory, quantity, write_summary
+from inverse.output import output_directory, quantity, recorded, write_summary
 
 
 def test_results_appear_at_the_end_and_join_what_is_there(tmp_path):
@@ -21,6 +21,18 @@ def test_results_appear_at_the_end_and_join_what_is_there(tmp_path):
     assert (out / "mine.txt").read_text() == "kept"
     assert [path.name for path in tmp_path.iterdir()] == ["deep"]
     assert [path.name for path in out.parent.iterdir()] == ["out"]
+
+
+def test_what_an_earlier_run_left_goes_when_results_come(tmp_path):
+    """Only what is named, and only what is not made again; after an error it is all there."""
+    for name in ("a.png", "b.png", "mine.png"):
+        (tmp_path / name).write_text("earlier")
+    with pytest.raises(RuntimeError), output_directory(tmp_path, replaces=["a.png", "b.png"]) as folder:
+        raise RuntimeError
+    assert len(list(tmp_path.iterdir())) == 3
+    with output_directory(tmp_path, replaces=["a.png", "b.png", "c.png"]) as folder:
+        (folder / "a.png").write_text("new")
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.png": "new", "mine.png": "earlier"}
 
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
@@ -69,8 +81,10 @@ def test_summary(tmp_path):
     data = tmp_path / "data.csv"
     data.write_text("a,b\n")
     results = {"tau": quantity(0.5, "s", float("inf")), "many": [1.0, float("nan")]}
-    write_summary(tmp_path, command="test", inputs={"data": data}, seed=3, settings={"n": 2}, results=results)
+    inputs = recorded({"data": data, "other": None})
+    data.write_text("another file by then")
+    write_summary(tmp_path, command="test", inputs=inputs, seed=3, settings={"n": 2}, results=results)
     summary = json.loads((tmp_path / "summary.json").read_text())
-    assert summary["inputs"]["data"]["sha256"] == hashlib.sha256(b"a,b\n").hexdigest()
+    assert summary["inputs"] == {"data": {"path": str(data), "sha256": hashlib.sha256(b"a,b\n").hexdigest()}}
     assert summary["results"] == {"tau": {"value": 0.5, "unit": "s", "standard_error": None}, "many": [1.0, None]}
     assert summary["seed"] == 3 and set(summary["versions"]) == {"arfjax", "jax", "python"}

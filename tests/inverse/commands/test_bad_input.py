@@ -320,8 +320,8 @@ def test_no_arguments_show_the_help(capfd):
 
 
 @contextlib.contextmanager
-def interrupted_output(out):
-    with output_directory(out) as folder:
+def interrupted_output(out, **given):
+    with output_directory(out, **given) as folder:
         (folder / "summary.json").write_text("half")
         raise KeyboardInterrupt
         yield

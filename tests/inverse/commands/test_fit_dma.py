@@ -109,9 +109,35 @@ def test_everything_is_written(measured, tmp_path, capsys):
 
 def test_one_model_one_residual_magnitude(measured, tmp_path):
     out = tmp_path / "out"
+    out.mkdir()
+    for ending in ("png", "pdf"):
+        (out / f"fit_linear.{ending}").write_text("of an earlier run")
     fit_dma(measured, out, model=ModelChoice.ZENER, residuals=ResidualChoice.LOG, magnitude=True, starts=4)
     assert len(list(csv.DictReader((out / "parameters.csv").read_text().splitlines()))) == 2 * 3
-    assert not (out / "fit_linear.png").exists()
+    assert {path.name for path in out.glob("fit_*")} == {"fit_log.png", "fit_log.pdf"}
+
+
+def test_a_single_reading_has_no_scatter(measured, tmp_path):
+    fit_dma(measured, tmp_path / "out", model=ModelChoice.ZENER, residuals=ResidualChoice.LOG, starts=2)
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert "80.0 degC (zener): its only row is at 1 Hz: one frequency cannot fix" in report and "nan" not in report
+    assert "its modulus is given instead. One reading: storage 5000 Pa; loss 500 Pa; magnitude 5025 Pa\n" in report
+
+
+def test_deviations_of_both_moduli_count_in_a_fit_of_the_magnitude(measured, tmp_path):
+    """Ten times larger at high frequencies, they let the fit keep to the low ones, and say how it errs."""
+    header, *rows = measured.read_text().splitlines()[:13]
+    sized = [f"{row},{size},{size}" for row, size in zip(rows, [5.0] * 6 + [500.0] * 6, strict=True)]
+    stated = tmp_path / "stated.csv"
+    stated.write_text("\n".join([f"{header},storage_modulus_sd_pa,loss_modulus_sd_pa", *sized, ""]))
+    found = {}
+    for file in (measured, stated):
+        out = tmp_path / file.stem
+        fit_dma(file, out, model=ModelChoice.ZENER, residuals=ResidualChoice.LINEAR, magnitude=True, starts=2)
+        rows = csv.DictReader((out / "parameters.csv").read_text().splitlines())
+        found[file.stem] = [float(row["estimate"]) for row in rows if row["temperature_c"] == "21.000"]
+    assert abs(found["stated"][0] / found["sweeps"][0] - 1.0) > 0.01
+    assert "not used" not in (tmp_path / "stated" / "report.md").read_text()
 
 
 def test_single_frequency_is_reported(tmp_path):

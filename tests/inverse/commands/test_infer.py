@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import hashlib
 import json
 from pathlib import Path
 
@@ -99,13 +100,24 @@ def two_samples(folder):
 def test_sweeps_of_a_population_are_called_apart(tmp_path):
     """By their samples where each has one sweep, else by sample and temperature."""
     path = two_samples(tmp_path)
-    whole = infer_command_sweeps(path, None, Across.SAMPLE, False, alone=True)
+    whole = group_sweeps(read_dma(path))
     names = dma_problem(whole, across="sample").parameters.names
     assert {f"relaxed_modulus[{each}]" for each in ("a, 20.0 degC", "a, 40.0 degC", "b, 20.0 degC")} <= set(names)
     at_one = infer_command_sweeps(path, 21.0, Across.SAMPLE, False, alone=True)
     assert [sweep.label for sweep in at_one] == ["a, 20.0 degC", "b, 20.0 degC"]
     names = dma_problem(at_one, across="sample").parameters.names
     assert {"relaxed_modulus[a]", "relaxed_modulus[b]"} <= set(names)
+
+
+def test_sweeps_of_a_population_differ_by_what_is_named(tmp_path):
+    path = two_samples(tmp_path)
+    with pytest.raises(InputError, match=r"at a, 20.0 degC and a, 40.0 degC do not differ by sample; choose one sweep"):
+        infer_command_sweeps(path, None, Across.SAMPLE, False, alone=True)
+    with pytest.raises(InputError, match=r"a, 20.0 degC and b, 20.0 degC do not differ by temperature; take --across"):
+        infer_command_sweeps(path, None, Across.TEMPERATURE, False, alone=True)
+    with pytest.raises(InputError, match="are of one sample; name samples in a column 'sample', or take --across temp"):
+        infer_command_sweeps(Path(POLYMER), None, Across.SAMPLE, False, alone=True)
+    assert len(infer_command_sweeps(Path(POLYMER), None, Across.TEMPERATURE, False, alone=True)) == 21
 
 
 def test_units_that_look_wrong_can_be_believed(tmp_path, capsys):
@@ -118,6 +130,25 @@ def test_units_that_look_wrong_can_be_believed(tmp_path, capsys):
     settings = json.loads((tmp_path / "out" / "summary.json").read_text())["settings"]
     assert settings["trust_units"] and settings["sweeps"] == ["20.0 degC"] and settings["profiles"] is False
     assert "Sweeps: 20.0 degC." in (tmp_path / "out" / "report.md").read_text()
+
+
+def test_inputs_are_those_that_were_read(tmp_path, monkeypatch):
+    """A file that is changed or moved while it runs costs no results, and is not what they are of."""
+    path = two_samples(tmp_path)
+    read = path.read_bytes().replace(b"sample,", b"sample,note,", 1).replace(b",a,", b",a,x,").replace(b",b,", b",b,x,")
+    path.write_bytes(read)
+    study = command.infer
+
+    def slow(*given, **named):
+        path.unlink()
+        return study(*given, **named)
+
+    monkeypatch.setattr(command, "infer", slow)
+    arguments = ["--temperature", "40", "--sampler", "none", "--no-profiles", "--starts", "2"]
+    assert run(["infer", "--dma", str(path), *arguments, "--out", str(tmp_path / "out")]) == 0
+    inputs = json.loads((tmp_path / "out" / "summary.json").read_text())["inputs"]
+    assert inputs == {"dma": {"path": str(path), "sha256": hashlib.sha256(read).hexdigest()}}
+    assert "\nColumns not used: note.\n" in (tmp_path / "out" / "report.md").read_text()
 
 
 @pytest.mark.parametrize(("drawn", "said"), [(True, "draws so far are kept in"), (False, "nothing was written")])
@@ -233,11 +264,13 @@ def test_what_a_summary_and_a_report_hold_of_a_study(studied):
     values, errors = studied.estimates
     np.testing.assert_allclose([each["value"] for each in found["parameters"].values()], values)
     np.testing.assert_allclose([each["standard_error"] for each in found["parameters"].values()], errors)
-    texts = [report(studied, {"dma": Path("a/sweep.csv")}, ["20.0 degC"], [], each, "a remark") for each in (near, far)]
+    texts = [report(studied, [Path("a/sweep.csv")], ["20.0 degC"], [], each, "a remark") for each in (near, far)]
     for text in texts:
         assert "# Inference from sweep.csv" in text and "Sweeps: 20.0 degC." in text and "- a remark" in text
         assert "- log evidence -12.500 ± 0.03 nats" in text and "- it is doubtful." in text
         assert "Nothing was found wrong with it." in text and "| coefficient_2 | normal, 0.6 ± 1.5 m | " in text
+    without = report(dataclasses.replace(studied, draws=None), [Path("sweep.csv")], [], [], None, "a remark")
+    assert "\na remark\n" in without and "## Posterior" not in without
     assert "differ by 0.4 % of their largest value at most." in texts[0]
     assert "differ by 0.6 % of their largest value at most, more than the 0.5 % that it is meant to keep" in texts[1]
 

@@ -63,3 +63,26 @@ def test_help_keeps_what_stands_in_brackets(name, capsys, monkeypatch):
         for bracket in re.findall(r"\[[^\]]*\]", " ".join(text.split())):
             assert bracket in shown
     assert "\\" not in shown and "─ Options" in shown
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["infer", "--dma", "a.csv", "--dma", "b.csv", "--out", "x"], "--dma is given 2 times and takes one value"),
+        (["diagnose", "--dma", "a.csv", "--causes=foo", "--causes", "slip", "--out", "x"], "--causes is given 2 times"),
+        (["fit-dma", "a.csv", "--out", "x", "--out=x", "--out", "y"], "--out is given 3 times and takes one value"),
+    ],
+)
+def test_an_option_of_one_value_is_given_once(arguments, said, capsys, tmp_path, monkeypatch):
+    """The parser would keep the last value, and drop the other file without a word."""
+    monkeypatch.chdir(tmp_path)
+    assert main.run(arguments) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1 and not list(tmp_path.iterdir())
+
+
+def test_options_of_many_values_and_switches_may_be_given_again(capsys):
+    again = ["--varying", "a", "--varying", "b", "--evidence", "--evidence", "--profiles", "--no-profiles"]
+    assert main.run(["infer", "--out", "--dma", *again]) == 2
+    assert "nothing to infer from" in capsys.readouterr().err
+    assert main.run(["infer", "--help", "--help"]) == 0

@@ -21,6 +21,11 @@ def write(tmp_path, text):
     return path
 
 
+def two_rows(cells):
+    """The cells of a row at 37 degC, and those of one at 38."""
+    return f"{cells}\n{cells.replace('310.15', '311.15').replace('37', '38')}\n"
+
+
 def test_canonical_file(tmp_path):
     data = read_dma(write(tmp_path, GOOD))
     np.testing.assert_array_equal(data.frequency_hz, [0.1, 1.0, 10.0])
@@ -36,6 +41,9 @@ def test_canonical_file(tmp_path):
         ("f,T,E_stor,E_loss\nHz,C,MPa,MPa", "1,37,0.0015,0.0002"),
         ("Frequency (Hz),Temperature (°C),E' (MPa),E'' (MPa)", "1,37,0.0015,0.0002"),
         ("Frequency [Hz];Temp [°C];G' [kPa];G\" [kPa]", "1;37;1.5;0.2"),
+        ("Frequency, Hz;Temperature, C;Storage modulus, MPa;Loss modulus, MPa", "1;37;0.0015;0.0002"),
+        ("Frequency, Hz;Temperature, C;Storage modulus, MPa;Loss modulus, MPa", "1,0;37,0;0,0015;0,0002"),
+        ("Frequency, Hz\tTemperature, C\tStorage modulus, MPa\tLoss modulus, MPa", "1\t37\t0.0015\t0.0002"),
         ("omega_rad_s\ttemp_C\tEp_MPa\tEpp_MPa", "6.283185307179586\t37\t0.0015\t0.0002"),
         ("# exported\n\nfreq,temperature_k,storage modulus (Pa),loss modulus (Pa)", "1,310.15,1500,200"),
         ("frequency (rad/s),temp,E′ MPa,E″ MPa", "6.283185307179586,37,0.0015,0.0002"),
@@ -44,9 +52,9 @@ def test_canonical_file(tmp_path):
     ],
 )
 def test_other_headers_and_units(tmp_path, header, cells):
-    data = read_dma(write(tmp_path, f"{header}\n{cells}\n{cells}\n"))
+    data = read_dma(write(tmp_path, f"{header}\n{two_rows(cells)}"))
     np.testing.assert_allclose(data.frequency_hz, 1.0)
-    np.testing.assert_allclose(data.temperature_c, 37.0)
+    np.testing.assert_allclose(data.temperature_c, [37.0, 38.0])
     np.testing.assert_allclose(data.storage_modulus, 1500.0)
     np.testing.assert_allclose(data.loss_modulus, 200.0)
 
@@ -66,7 +74,7 @@ def test_other_headers_and_units(tmp_path, header, cells):
     ],
 )
 def test_loss_by_its_tangent(tmp_path, header, cells, unused):
-    data = read_dma(write(tmp_path, f"{header}\n{cells}\n{cells}\n"))
+    data = read_dma(write(tmp_path, f"{header}\n{two_rows(cells)}"))
     np.testing.assert_allclose(data.storage_modulus, 1500.0)
     np.testing.assert_allclose(data.loss_modulus, 300.0)
     assert data.ignored_columns == unused
@@ -75,6 +83,29 @@ def test_loss_by_its_tangent(tmp_path, header, cells, unused):
 def test_a_modulus_beside_the_magnitude_is_said_to_be_unused(tmp_path):
     data = read_dma(write(tmp_path, "f,T,E' (Pa),|E*| (Pa)\n1,37,1500,1529\n2,37,1500,1529\n"))
     assert not data.has_phase and data.ignored_columns == ("E' (Pa)",)
+
+
+@pytest.mark.parametrize(
+    ("stated", "deviation", "unused"),
+    [
+        ({"E'_sd_pa": 30, "E''_sd_pa": 40}, 50.0 / np.sqrt(2.0), ("|E*|",)),
+        ({"E'_sd_pa": 30, "E''_sd_pa": 40, "|E*|_sd_pa": 7}, 7.0, ("|E*|", "E'_sd_pa", "E''_sd_pa")),
+        ({"|E*|_sd_pa": 7}, 7.0, ("|E*|",)),
+        ({}, None, ("|E*|",)),
+    ],
+)
+def test_the_magnitude_alone_has_the_deviations_that_are_stated(tmp_path, stated, deviation, unused):
+    """Those stated for it, or else sqrt((G' s')^2 + (G'' s'')^2) / |G*|; what is used then is not said to be unused."""
+    header = ",".join(["f,T,E',E'',|E*|", *stated])
+    rows = "".join(",".join([f"{f},37,3000,3000,4243", *map(str, stated.values())]) + "\n" for f in (1, 2))
+    path = write(tmp_path, f"{header}\n{rows}")
+    data = read_dma(path, magnitude_only=True)
+    assert not data.has_phase and data.storage_modulus_sd is None and data.ignored_columns == unused
+    np.testing.assert_array_equal(data.modulus_magnitude, read_dma(path).modulus_magnitude)
+    if deviation is None:
+        assert data.modulus_magnitude_sd is None
+    else:
+        np.testing.assert_allclose(data.modulus_magnitude_sd, deviation, rtol=1e-12)
 
 
 def test_a_loss_tangent_of_0_gives_no_storage_modulus(tmp_path):
@@ -159,6 +190,13 @@ BAD = {
     "kelvin": (GOOD.replace("37", "310"), "looks like kelvin"),
     "below zero": (GOOD + "1,-300,1500,200\n", "above absolute zero"),
     "kilopascal": (f"{HEADER}\n1,37,1.5,0.2\n2,37,1.6,0.3\n", "looks like kPa or MPa"),
+    "kilopascal of loss": (
+        "f,T,E'' (Pa),tan_delta\n1,37,1.5,0.2\n2,37,1.6,0.3\n",
+        "no modulus is above 7.6",
+    ),
+    "degrees": ("f,T,E' (Pa),tan_delta\n1,37,1500,9\n2,37,1600,12\n", "10.5, which looks like a phase in degrees"),
+    "degrees of a loss": ("f,T,E'' (Pa),tan_delta\n1,37,1500,9\n2,37,1600,12\n", "looks like a phase in degrees"),
+    "one row twice": (f"{HEADER}\n1,37,1500,200\n1,37,1500,200\n", "only one row that is written 2 times; expected"),
     "loss in another unit": (f"{HEADER}\n1,37,1500,0.2\n2,37,1600,0.3\n", "as if in another unit"),
     "too stiff": (f"{HEADER}\n1,37,1.5e13,2\n2,37,1.6e13,3\n", "stiffer than diamond"),
     "time": (f"{HEADER},time_s\n1,37,1500,200,5\n2,37,1600,200,4\n", "line 3, column 'time_s': time 4 is earlier"),
@@ -176,6 +214,12 @@ BAD = {
     ),
     "negative tangent": ("f,T,E' (Pa),tan_delta\n1,37,1500,-1\n2,37,1500,1\n", "loss tangent -1 must be zero or"),
     "thousands": (GOOD + '20,37,"1,500.5",100\n', "write numbers without commas between thousands"),
+    "millions": (GOOD + '20,37,"1,500,500",100\n', "write numbers without commas between thousands"),
+    "thousands or decimals": (
+        GOOD.replace(",", ";") + "20;37;12,500;100\n",
+        "write 12500 if the comma is between thousands, 12.500 if it is before decimals",
+    ),
+    "decimals alone": (GOOD.replace(",", ";") + "20;37;0,125;100\n", "number; write decimals with a point"),
     "preamble": (f"Instrument: Q800\n{GOOD}", "line 1: no comma, semicolon or tab in the header; begin lines before"),
     "half the deviations": (f"{HEADER},storage_modulus_sd_pa\n1,37,1500,200,5\n2,37,1500,200,5\n", "go together"),
     "zero deviation": (
@@ -219,7 +263,7 @@ def test_damaged_files_are_read_or_refused_in_one_line(tmp_path):
     assert refused > 20
 
 
-@pytest.mark.parametrize("name", ["kelvin", "kilopascal", "too stiff"])
+@pytest.mark.parametrize("name", ["kelvin", "kilopascal", "too stiff", "kilopascal of loss", "degrees"])
 def test_trusted_units(tmp_path, name):
     assert len(read_dma(write(tmp_path, BAD[name][0]), trust_units=True)) >= 2
 

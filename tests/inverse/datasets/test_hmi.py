@@ -56,8 +56,9 @@ def test_time_starts_again_with_each_sonication_and_other_columns_are_named(tmp_
     ],
 )
 def test_other_headers_and_units(tmp_path, header, cells):
-    data = read_hmi(write(tmp_path, f"{header}\n{cells}\n{cells}\n"))
-    np.testing.assert_allclose(data.temperature, 37.0)
+    warmer = cells.replace("310.15", "311.15").replace("37", "38")
+    data = read_hmi(write(tmp_path, f"{header}\n{cells}\n{warmer}\n"))
+    np.testing.assert_allclose(data.temperature, [37.0, 38.0])
     np.testing.assert_allclose(data.displacement, 2.5e-6)
     assert not data.in_percent and data.ignored == ()
 
@@ -137,6 +138,7 @@ BAD = {
     "workbook": (b"PK\x03\x04rest", "spreadsheet"),
     "utf-16": (GOOD.encode("utf-16"), "UTF-16"),
     "one row": (f"{HEADER}\na,37,100\n", "only one row"),
+    "one row twice": (f"{HEADER}\na,37,100\na,37,100\n", "only one row, written 2 times; a curve needs"),
     "same meaning twice": (f"{HEADER},temp\na,37,100,37\na,50,98,50\n", "means the same as column 'temperature_c'"),
     "kelvin": (f"{HEADER}\na,310.15,100\na,330,98\n", "look like kelvin"),
     "too hot": (GOOD + "b,121,90\n", "line 6, column 'temperature_c': 121 degC is not a temperature of tissue"),
@@ -146,6 +148,10 @@ BAD = {
     "metres as micrometres": ("temperature_c,displacement_um\n37,2e-6\n50,2e-6\n", "not one of HMI"),
     "micrometres as metres": ("temperature_c,displacement_m\n37,2.5\n50,2.4\n", "not one of HMI"),
     "negative time": ("time_s,displacement_um\n-1,2\n5,2\n", "line 2, column 'time_s': time must not be negative"),
+    "negative time behind a copy": (
+        "sonication,time_s,displacement_um\n1,1,5\n1,1,5\n1,2,6\n2,-1,5\n2,3,6\n",
+        "line 5, column 'time_s': time must not be negative",
+    ),
     "time runs back": (TIMES + "59,2\n", "line 5, column 'time_s': time does not increase within sonication 1"),
     "time stands still": (
         TIMES + "60,1.9\n",

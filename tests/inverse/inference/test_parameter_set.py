@@ -97,3 +97,12 @@ def test_a_parameter_without_prior_cannot_be_drawn():
     assert not bare.has_priors
     with pytest.raises(InputError, match="`scale` has no prior"):
         bare.draw(jax.random.key(0))
+
+
+def test_two_parameters_in_one_place_are_refused():
+    """The second would overwrite the first, which the data then could not tell of."""
+    order = [parameter(name, "solids[0].fractional_order", "1", Uniform(0.0, 1.0)) for name in ("order", "alpha")]
+    with pytest.raises(InputError, match=r"`order` and `alpha` have the same place, `solids\[0\].fractional_order`"):
+        ParameterSet(tuple(order))
+    by_hand = [parameter(name, "", "1", Uniform(0.0, 1.0)) for name in ("order", "alpha")]
+    assert ParameterSet(tuple(by_hand)).names == ("order", "alpha")
