@@ -38,7 +38,6 @@ from arfjax.thermal.bioheat import Phase, focal_temperature, solve_bioheat
 from arfjax.thermal.dose import cumulative_equivalent_minutes
 from arfjax.thermal.lesion import LesionSize
 
-
 _ROUNDING = 1e-3
 """Of a temperature in single precision, after it has been scaled [K]."""
 

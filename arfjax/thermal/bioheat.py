@@ -181,6 +181,15 @@ def boiling_time(history: TemperatureHistory, grid: AxisymmetricGrid) -> Float[A
     return jnp.where(jnp.any(boils), history.time[jnp.argmax(boils)], jnp.nan)
 
 
+def border_rise(temperature: Float[Array, "time r z"] | Float[np.ndarray, "time r z"]) -> Float[Array, ""]:
+    """Largest change of temperature since the start in the cells beside the outer walls [K].
+
+    Walls that are held at the start temperature cool the focus once their heat has come there.
+    """
+    change = jnp.abs(temperature - temperature[:1])
+    return jnp.max(jnp.stack([jnp.max(edge) for edge in (change[:, -1], change[:, :, 0], change[:, :, -1])]))
+
+
 def on_axis(values: Float[Array, "*batch r z"], grid: AxisymmetricGrid) -> Float[Array, "*batch z"]:
     """Values at r = 0 of the parabolas a + b r^2 through the first two cell centres; fourth order in their radii."""
     if grid.shape[0] == 1:
