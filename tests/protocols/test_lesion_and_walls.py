@@ -96,6 +96,9 @@ def test_an_edge_by_dose_needs_a_dose():
     with pytest.raises(InputError, match="tabulated size"):
         Lesion(MODEL.lesion.viscoelasticity, tabulated_size(), DamageEdge())
     assert isinstance(Lesion(MODEL.lesion.viscoelasticity, DoseSize()).edge, LinearEdge)
+    for wrong in (lambda: DamageEdge(-0.25), lambda: DoseSize(-240.0)):
+        with pytest.raises(InputError, match="of coagulation must be positive"):
+            wrong()
 
 
 def test_semi_axes_are_twice_as_large():
