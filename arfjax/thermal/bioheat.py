@@ -107,6 +107,8 @@ def solve_bioheat(
     Raises:
         InputError: if shapes disagree with the grid, or there is no phase.
 
+    Called again with other numbers and the same shapes and steps, it is not compiled anew.
+
     Accuracy: second order in the time step and in the cell size; what the heat delivers is stored or lost to rounding.
     No step is too long to be stable. Steps far longer than a cell's own time constants damp what varies from cell to
     cell along r and z at once slowly, so a jump of the heat needs short steps, smooth heat does not.
@@ -121,25 +123,21 @@ def solve_bioheat(
     if not phases:
         raise InputError("`phases` is empty; give at least one `Phase`.")
     initial_temperature = jnp.asarray(initial_temperature, dtype=float)
-    rise = _run(
-        field,
-        jnp.asarray(heat),
-        cell_geometry(grid),
-        Walls() if walls is None else walls,
-        initial_temperature - arterial_temperature,
-        tuple(phases),
-    )
+    # As arrays, because every other Python number would be another program.
+    numbers = jax.tree.map(jnp.asarray, (field, Walls() if walls is None else walls, tuple(phases)))
+    excess = initial_temperature - arterial_temperature
+    rise = _run(*numbers, jnp.asarray(heat), cell_geometry(grid), excess)
     return TemperatureHistory(phase_times(phases), initial_temperature + rise)
 
 
 @eqx.filter_jit
 def _run(
     field: ThermalField,
+    walls: Walls,
+    phases: tuple[Phase, ...],
     heat: Float[Array, "r z"],
     geometry: Geometry,
-    walls: Walls,
     excess: Float[Array, ""],
-    phases: tuple[Phase, ...],
 ) -> Float[Array, "time r z"]:
     conductances, inflow = cell_conductances(field, geometry, walls)
     capacity = jnp.asarray(field.heat_capacity * geometry.volumes)
@@ -215,8 +213,9 @@ def require_shapes(grid: AxisymmetricGrid, values: dict[str, CellValues]) -> Non
             raise InputError(f"`{name}` has shape {jnp.shape(each)}, the grid has {grid.shape} cells (r, z).")
 
 
-def _known(value: Scalar, otherwise: float) -> float:
+def _known(value: object, otherwise: float) -> float:
     """The value as a number, or what passes every check where it is traced or a batch."""
-    if isinstance(value, Tracer) or not isinstance(value, float | int | np.ndarray | jax.Array) or jnp.ndim(value):
+    kinds = float | int | np.number | np.ndarray | jax.Array
+    if isinstance(value, Tracer) or not isinstance(value, kinds) or jnp.ndim(value):
         return otherwise
     return float(value)
