@@ -353,6 +353,15 @@ class FractionalZenerLaw(eqx.Module):
 ViscoelasticLaw = ZenerLaw | FractionalZenerLaw
 
 
+def common_range(model: object) -> tuple[float, float]:
+    """Lowest and highest temperature [degC] that every law inside a pytree covers, those within laws among them."""
+    found = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, TemperatureLaw))
+    laws = [law for law in found if isinstance(law, TemperatureLaw)]
+    ranges = [law.valid_range for law in laws]
+    ranges += [common_range(law._within()) for law in laws if isinstance(law, Composed)]
+    return max((low for low, _ in ranges), default=-math.inf), min((high for _, high in ranges), default=math.inf)
+
+
 def extrapolations(model: object, temperature: Temperature, *, name: str = "model") -> list[str]:
     """What every law inside a pytree has to say about temperatures [degC] outside its range, with its place there.
 

@@ -22,6 +22,7 @@ from arfjax.laws import (
     ScaledRise,
     Shifted,
     Tabulated,
+    common_range,
     extrapolations,
 )
 from tests.checks import assert_gradient
@@ -134,6 +135,14 @@ def test_a_transition_of_negative_width_or_threshold_is_refused():
             dataclasses.replace(law, **changes)
         with pytest.raises(InputError, match="of coagulation must be positive"):
             coagulated_fraction(300.0, **({"threshold": 240.0, "width": 0.25} | changes))
+
+
+def test_the_range_of_laws_together_is_what_all_cover():
+    inner = Linear(2.0, 0.5, 40.0, **LABELS, valid_range=(50.0, 80.0))
+    wide = Constant(1.0, **LABELS, valid_range=(0.0, 70.0))
+    wrapped = Scaled(Shifted(inner, 1.0, **LABELS), 2.0, **LABELS)
+    assert common_range({"one": wrapped, "two": wide}) == (50.0, 70.0)
+    assert common_range(Constant(1.0, **LABELS)) == (-np.inf, np.inf)
 
 
 def coagulating(width=0.25, **ranges):

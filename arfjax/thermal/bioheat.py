@@ -27,6 +27,7 @@ from arfjax.thermal.conduction import Insulated as Insulated
 from arfjax.thermal.conduction import ThermalField as ThermalField
 from arfjax.thermal.conduction import Walls as Walls
 from arfjax.thermal.conduction import uniform_field as uniform_field
+from arfjax.thermal.history import require_times
 from arfjax.thermal.splitting import march, split_operator
 
 
@@ -70,12 +71,16 @@ class TemperatureHistory(eqx.Module):
     """Temperature at the cell centres over time.
 
     Attributes:
-        time: [s], from 0.
+        time: [s], from 0, ascending.
         temperature: [degC]; the first entry is the initial state.
     """
 
     time: Float[Array, " time"]
     temperature: Float[Array, "time r z"]
+
+    def __check_init__(self) -> None:
+        """Refuse times that do not ascend, or are not one for each map of temperature."""
+        require_times(self.time, jnp.shape(self.temperature)[0])
 
 
 def solve_bioheat(
