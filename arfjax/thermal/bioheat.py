@@ -8,6 +8,7 @@ sonication exact in single precision.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -129,20 +130,21 @@ def solve_bioheat(
         raise InputError("`phases` is empty; give at least one `Phase`.")
     initial_temperature = jnp.asarray(initial_temperature, dtype=float)
     # As arrays, because every other Python number would be another program.
-    numbers = jax.tree.map(jnp.asarray, (field, Walls() if walls is None else walls, tuple(phases)))
+    walls = Walls() if walls is None else walls
+    of_field, of_walls, of_phases = jax.tree.map(jnp.asarray, (field, walls, tuple(phases)))
     excess = initial_temperature - arterial_temperature
-    rise = _run(*numbers, jnp.asarray(heat), cell_geometry(grid), excess)
+    rise = _run(of_field, jnp.asarray(heat), cell_geometry(grid), of_walls, excess, of_phases)
     return TemperatureHistory(phase_times(phases), initial_temperature + rise)
 
 
 @eqx.filter_jit
 def _run(
     field: ThermalField,
-    walls: Walls,
-    phases: tuple[Phase, ...],
     heat: Float[Array, "r z"],
     geometry: Geometry,
+    walls: Walls,
     excess: Float[Array, ""],
+    phases: tuple[Phase, ...],
 ) -> Float[Array, "time r z"]:
     conductances, inflow = cell_conductances(field, geometry, walls)
     capacity = jnp.asarray(field.heat_capacity * geometry.volumes)
@@ -218,7 +220,7 @@ def require_shapes(grid: AxisymmetricGrid, values: dict[str, CellValues]) -> Non
             raise InputError(f"`{name}` has shape {jnp.shape(each)}, the grid has {grid.shape} cells (r, z).")
 
 
-def _known(value: object, otherwise: float) -> float:
+def _known(value: Any, otherwise: float) -> float:
     """The value as a number, or what passes every check where it is traced or a batch."""
     kinds = float | int | np.number | np.ndarray | jax.Array
     if isinstance(value, Tracer) or not isinstance(value, kinds) or jnp.ndim(value):
