@@ -20,18 +20,16 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from arfjax.errors import ExtrapolationWarning
+from arfjax.coagulation import LETHAL_DOSE_MINUTES as LETHAL_DOSE_MINUTES
+from arfjax.coagulation import SMALLEST_DAMAGE as SMALLEST_DAMAGE
+from arfjax.coagulation import coagulated_fraction as coagulated_fraction
+from arfjax.coagulation import log_excess as log_excess
+from arfjax.coagulation import require_transition
+from arfjax.errors import ExtrapolationWarning, InputError, lies_within
 from arfjax.media import FractionalZener, Scalar, Zener
 
 EVERYWHERE = (-math.inf, math.inf)
 """Valid range of a law that makes no claim about temperature, such as a constant."""
-
-LETHAL_DOSE_MINUTES = 240.0
-"""Dose [min] taken as the border of necrosis in soft tissue. Damianou, Hynynen & Fan, IEEE UFFC 42 (1995) 187;
-the threshold of Suomi et al. 2016 too."""
-
-SMALLEST_DAMAGE = 1e-30
-"""Damage below which its logarithm is held, so that no damage has a finite one, in float32 as well."""
 
 Temperature = float | Float[Array, "..."] | Float[np.ndarray, "..."]
 
@@ -131,6 +129,10 @@ class PolynomialThrough(TemperatureLaw):
     temperatures: tuple[float, ...] = eqx.field(static=True)
     values: Float[Array, " n"] | Float[np.ndarray, " n"]
 
+    def __check_init__(self) -> None:
+        """Refuse temperatures of which two are the same, and values that are not one each."""
+        _check_table(np.sort(self.temperatures), self.values)
+
     def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
         """Lagrange's form, which has no coefficients to lose digits in."""
         at, given = jnp.asarray(temperature, dtype=float), jnp.asarray(self.values)
@@ -167,14 +169,31 @@ class Exponential(TemperatureLaw):
 
 
 class Tabulated(TemperatureLaw):
-    """Straight lines between tabulated values, the end values held outside the table."""
+    """Straight lines between tabulated values at ascending temperatures, the end values held outside the table."""
 
     temperatures: Float[Array, " n"] | Float[np.ndarray, " n"]
     values: Float[Array, " n"] | Float[np.ndarray, " n"]
 
+    def __check_init__(self) -> None:
+        """Refuse temperatures that do not ascend, and values that are not one each."""
+        _check_table(self.temperatures, self.values)
+
     def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
         """Linear interpolation in the table."""
         return jnp.interp(jnp.asarray(temperature, dtype=float), self.temperatures, self.values)
+
+
+def _check_table(temperatures: Temperature, values: Temperature) -> None:
+    given, needed = np.shape(values)[-1:], np.shape(temperatures)
+    if given != needed:
+        raise InputError(f"a table needs one value a temperature, got {given} values for {needed} temperatures.")
+    if isinstance(temperatures, Tracer):
+        return
+    if not (np.all(np.isfinite(temperatures)) and lies_within(np.diff(temperatures), 0.0, above=True)):
+        raise InputError(
+            f"a table needs finite, ascending `temperatures` [degC], none twice, got {np.asarray(temperatures)}; sort "
+            "them with their values."
+        )
 
 
 class Composed(TemperatureLaw):
@@ -280,6 +299,10 @@ class Coagulating(Composed):
     threshold: Scalar
     width: Scalar
 
+    def __check_init__(self) -> None:
+        """Refuse a transition that is none."""
+        require_transition(threshold=self.threshold, width=self.width)
+
     def evaluate(self, temperature: Temperature) -> Scalar | Float[Array, "..."]:
         """The property of fresh tissue."""
         return self.fresh.evaluate(temperature)
@@ -289,25 +312,6 @@ class Coagulating(Composed):
         share = coagulated_fraction(dose, self.threshold, width=self.width)
         fresh, coagulated = self.fresh.after(temperature, dose), self.coagulated.after(temperature, dose)
         return fresh + share * (coagulated - fresh)
-
-
-def coagulated_fraction(damage: Temperature, threshold: Scalar, *, width: Scalar) -> Float[Array, "..."]:
-    r"""Smooth closure for the fraction of tissue that has coagulated: $1 / (1 + (threshold / damage)^{1/width})$.
-
-    Args:
-        damage: In any unit, not negative.
-        threshold: Damage at which half has coagulated.
-        width: Of the transition in the logarithm of damage, positive; towards zero it is the sharp threshold. From a
-            tenth to nine tenths, damage grows by the factor 81^width.
-
-    Differentiability: everywhere; at no damage the slope is zero. Finite for all damages up to 1e30, in float32 too.
-    """
-    return jax.nn.sigmoid(log_excess(damage, threshold) / width)
-
-
-def log_excess(damage: Temperature, threshold: Scalar) -> Float[Array, "..."]:
-    """Natural logarithm of damage over threshold, held at the smallest damage."""
-    return jnp.log(jnp.maximum(damage, SMALLEST_DAMAGE)) - jnp.log(threshold)
 
 
 class ZenerLaw(eqx.Module):
@@ -347,6 +351,15 @@ class FractionalZenerLaw(eqx.Module):
 
 
 ViscoelasticLaw = ZenerLaw | FractionalZenerLaw
+
+
+def common_range(model: object) -> tuple[float, float]:
+    """Lowest and highest temperature [degC] that every law inside a pytree covers, those within laws among them."""
+    found = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, TemperatureLaw))
+    laws = [law for law in found if isinstance(law, TemperatureLaw)]
+    ranges = [law.valid_range for law in laws]
+    ranges += [common_range(law._within()) for law in laws if isinstance(law, Composed)]
+    return max((low for low, _ in ranges), default=-math.inf), min((high for _, high in ranges), default=math.inf)
 
 
 def extrapolations(model: object, temperature: Temperature, *, name: str = "model") -> list[str]:

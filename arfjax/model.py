@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from arfjax import suomi2016
+from arfjax.coagulation import require_transition
 from arfjax.errors import InputError
 from arfjax.laws import Tabulated, ViscoelasticLaw
 from arfjax.mechanics.elements.mesh import Walls
@@ -51,6 +52,10 @@ class DoseSize(eqx.Module):
 
     threshold: Scalar = LETHAL_DOSE_MINUTES
 
+    def __check_init__(self) -> None:
+        """Refuse a dose that is none."""
+        require_transition(threshold=self.threshold)
+
 
 class DamageEdge(eqx.Module):
     """No ellipsoid: the share of coagulated tissue at every point is that of the thermal dose there.
@@ -60,6 +65,10 @@ class DamageEdge(eqx.Module):
     """
 
     width: Scalar = COAGULATION_WIDTH
+
+    def __check_init__(self) -> None:
+        """Refuse a transition of no width."""
+        require_transition(width=self.width)
 
 
 class Lesion(eqx.Module):

@@ -21,6 +21,7 @@ from arfjax import (
 )
 from arfjax.acoustics.diffraction import ExactOneWay, Pade11, Pade12, Parabolic
 from arfjax.acoustics.sources.projected_bowl import ProjectedBowl
+from arfjax.exact.oneil import axial_pressure
 from arfjax.mechanics.elements.mesh import Walls
 from arfjax.mechanics.material.viscoelastic import ConstrainedModulus
 from arfjax.model import DamageEdge
@@ -194,6 +195,27 @@ def test_a_focal_pressure_is_the_power_that_makes_it_in_water(tmp_path):
     lines = acoustics("nonlinear = false")
     text = changed(("acoustic_power_w = 50.0", "focal_pressure_mpa = 8.1229"), lines)
     assert read_experiment(write(tmp_path, text)).model().drive.acoustic_power == pytest.approx(50.0, rel=5e-3)
+
+
+def test_a_focal_pressure_of_a_bowl_that_hardly_focuses(tmp_path):
+    """By O'Neil, whose highest pressure lies at 34.5 mm, of a radius of curvature of 62.6 mm."""
+    text = changed(
+        ("acoustic_power_w = 50.0", "focal_pressure_mpa = 0.01"),
+        ("outer_diameter_mm = 64.0", "outer_diameter_mm = 20.0"),
+        ("inner_diameter_mm = 20.0", "inner_diameter_mm = 0.0"),
+        ("frequency_mhz = 1.1", "frequency_mhz = 0.8"),
+        acoustics("nonlinear = false"),
+    )
+    model = read_experiment(write(tmp_path, text)).model()
+    water = model.path[0].tissue.acoustic(35.0)
+    source = float(model.drive.source_pressure(model.bowl, water.density * water.sound_speed))
+    z, wavenumber = np.linspace(20e-3, 70e-3, 2001), 2.0 * np.pi * 0.8e6 / float(water.sound_speed)
+    pressure = np.abs(axial_pressure(model.bowl, z, wavenumber=wavenumber, source_pressure=source))
+    assert z[pressure.argmax()] == pytest.approx(34.5e-3, abs=0.5e-3)
+    assert pressure.max() == pytest.approx(1e4, rel=1e-2)
+    unfocused = text.replace("outer_diameter_mm = 20.0", "outer_diameter_mm = 5.0")
+    with pytest.raises(InputError, match="which is no focus; give acoustic_power_w"):
+        read_experiment(write(tmp_path, unfocused)).model()
 
 
 @pytest.mark.slow

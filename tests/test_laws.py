@@ -1,5 +1,6 @@
 """Laws of temperature: their values, what they say outside their range, and the paper's tables in them."""
 
+import dataclasses
 import warnings
 
 import jax
@@ -8,7 +9,8 @@ import numpy as np
 import pytest
 
 from arfjax import suomi2016, tissues, units
-from arfjax.errors import ExtrapolationWarning
+from arfjax.coagulation import coagulated_fraction
+from arfjax.errors import ExtrapolationWarning, InputError
 from arfjax.laws import (
     Coagulating,
     Constant,
@@ -20,6 +22,7 @@ from arfjax.laws import (
     ScaledRise,
     Shifted,
     Tabulated,
+    common_range,
     extrapolations,
 )
 from tests.checks import assert_gradient
@@ -99,6 +102,47 @@ def test_every_tissue_states_unit_and_source():
 def test_attenuation_at_another_frequency_follows_the_power_law():
     skin = tissues.skin().acoustic(35.0)
     assert float(skin.attenuation_at(2e6)) == pytest.approx(units.from_db_per_cm(0.35) * 2.0**1.55, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("temperatures", "values", "message"),
+    [
+        ([70.0, 50.0, 30.0], [3.0, 2.0, 1.0], "ascending"),
+        ([30.0, 30.0], [1.0, 2.0], "none twice"),
+        ([30.0, np.nan], [1.0, 2.0], "finite"),
+    ],
+)
+def test_tables_that_cannot_be_read_are_refused(temperatures, values, message):
+    with pytest.raises(InputError, match=message):
+        Tabulated(np.asarray(temperatures), np.asarray(values), **LABELS)
+    if temperatures[0] == 70.0:  # any order is a polynomial's
+        assert float(PolynomialThrough(tuple(temperatures), np.asarray(values), **LABELS)(60.0)) == 2.5
+        return
+    with pytest.raises(InputError, match=message):
+        PolynomialThrough(tuple(temperatures), np.asarray(values), **LABELS)
+
+
+def test_a_polynomial_needs_a_value_for_each_temperature():
+    for values in ([1.0], [1.0, 2.0, 9.0]):
+        with pytest.raises(InputError, match="one value a temperature"):
+            PolynomialThrough((30.0, 50.0), np.asarray(values), **LABELS)
+
+
+def test_a_transition_of_negative_width_or_threshold_is_refused():
+    law = coagulating()
+    for changes in ({"width": -0.25}, {"width": 0.0}, {"threshold": -240.0}, {"width": float("nan")}):
+        with pytest.raises(InputError, match="of coagulation must be positive"):
+            dataclasses.replace(law, **changes)
+        with pytest.raises(InputError, match="of coagulation must be positive"):
+            coagulated_fraction(300.0, **({"threshold": 240.0, "width": 0.25} | changes))
+
+
+def test_the_range_of_laws_together_is_what_all_cover():
+    inner = Linear(2.0, 0.5, 40.0, **LABELS, valid_range=(50.0, 80.0))
+    wide = Constant(1.0, **LABELS, valid_range=(0.0, 70.0))
+    wrapped = Scaled(Shifted(inner, 1.0, **LABELS), 2.0, **LABELS)
+    assert common_range({"one": wrapped, "two": wide}) == (50.0, 70.0)
+    assert common_range(Constant(1.0, **LABELS)) == (-np.inf, np.inf)
 
 
 def coagulating(width=0.25, **ranges):

@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 GROUND = {"errors", "units", "numerics"}
-MATTER = GROUND | {"media", "grid", "laws", "transducer", "suomi2016", "tissues"}
+MATTER = GROUND | {"media", "grid", "coagulation", "laws", "transducer", "suomi2016", "tissues"}
 PHYSICS = {"acoustics", "thermal", "mechanics"}
 MAY_IMPORT = {
     "errors": set(),
@@ -15,7 +15,8 @@ MAY_IMPORT = {
     "numerics": GROUND,
     "media": GROUND,
     "grid": GROUND,
-    "laws": GROUND | {"media"},
+    "coagulation": GROUND | {"media"},
+    "laws": GROUND | {"media", "coagulation"},
     "transducer": GROUND | {"media"},
     "suomi2016": set(),
     "tissues": MATTER,

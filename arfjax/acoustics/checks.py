@@ -11,11 +11,18 @@ from jaxtyping import Float
 from arfjax.acoustics.layers import SAME_POSITION, AcousticLayer
 from arfjax.acoustics.settings import MarchSettings
 from arfjax.acoustics.sources.base import PlaneSource, Source, concrete
-from arfjax.errors import InputError
+from arfjax.errors import InputError, lies_within
 from arfjax.transducer import Drive, PressureDrive
 
 _POSITIVE = {"frequency", "sound_speed", "density"}
 _NOT_NEGATIVE = {"acoustic_power", "attenuation"}
+_BETWEEN = {
+    "frequency": (1e4, math.inf, "Hz", "Megahertz? Pass hertz."),
+    "density": (100.0, math.inf, "kg/m^3", "Grams per cubic centimetre? Pass kg/m^3."),
+    "absorption_exponent": (0.0, 2.0, "1", "It is the power of frequency in attenuation."),
+    "absorption_fraction": (0.0, 1.0, "1", "A percentage? Divide it by 100."),
+}
+"""Least and largest value, far outside what sound in tissue can have, unit, and what may be mistaken."""
 
 
 def check_source(
@@ -93,7 +100,7 @@ def check_positions(
 
 
 def _check_numbers(source: Source, drive: Drive | PressureDrive, layers: Sequence[AcousticLayer]) -> None:
-    """Refuse what is not finite, but for the focal length of a beam without focus, and signs that have no meaning."""
+    """Refuse what is not finite, but for the focal length of a beam without focus, and what sound cannot have."""
     for path, leaf in jax.tree_util.tree_leaves_with_path((source, drive, [layer.medium for layer in layers])):
         name = str(getattr(path[-1], "name", path[-1]))
         if isinstance(leaf, Tracer):
@@ -107,3 +114,7 @@ def _check_numbers(source: Source, drive: Drive | PressureDrive, layers: Sequenc
             raise InputError(f"`{name}` must be positive, got {leaf}.")
         if name in _NOT_NEGATIVE and not np.all(values >= 0.0):
             raise InputError(f"`{name}` must not be negative, got {leaf}.")
+        least, largest, unit, mistaken = _BETWEEN.get(name, (-math.inf, math.inf, "", ""))
+        if not lies_within(values, least, largest):
+            upper = "" if largest == math.inf else f" and not above {largest:g}"
+            raise InputError(f"`{name}` must not be below {least:g}{upper} [{unit}], got {leaf}. {mistaken}")

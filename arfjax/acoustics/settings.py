@@ -1,5 +1,7 @@
 """How finely the sound field is computed."""
 
+import math
+
 import equinox as eqx
 
 from arfjax.acoustics.nonlinearity import FEWEST_HARMONICS
@@ -60,6 +62,8 @@ class MarchSettings(eqx.Module):
                 f"`axial_step` {self.axial_step} m must be above 0 and below `domain_radius` {self.domain_radius} m. "
                 "Millimetres? Pass metres."
             )
+        if not math.isfinite(self.start_plane):
+            raise InputError(f"`start_plane` must be finite [m], got {self.start_plane}.")
         if not 0.0 < self.sponge_start < self.sponge_end <= 1.0 or not 0.0 <= self.sponge_strength < float("inf"):
             raise InputError(
                 f"the absorbing ring needs 0 < sponge_start < sponge_end <= 1 and a strength from 0 on, got "

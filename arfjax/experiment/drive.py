@@ -5,19 +5,25 @@ import functools
 import math
 
 import numpy as np
+from jaxtyping import Float
 
 from arfjax import tissues
 from arfjax.acoustics.amplitude import drive_for_peak_pressure
+from arfjax.acoustics.layers import AcousticLayer
+from arfjax.acoustics.one_way import solve_field
 from arfjax.acoustics.settings import MarchSettings
+from arfjax.acoustics.sources.base import Source
 from arfjax.errors import InputError
 from arfjax.experiment.acoustics import AcousticsSection
 from arfjax.media import AcousticMedium
 from arfjax.model import Layer, Model
 from arfjax.numerics.compiled import compiled
-from arfjax.transducer import Drive
+from arfjax.protocols.discretisation import Discretisation
+from arfjax.transducer import Drive, FocusedBowl, PressureDrive
 
 _REACH = 0.15  # of the focal length; the parabolic operator's focus is off by half of that
 _N_POSITIONS = 49
+_N_ALONG_AXIS = 193
 
 
 def power_of_source_pressure(model: Model, pressure: float, temperature: float) -> float:
@@ -32,7 +38,7 @@ def power_of_focal_pressure(model: Model, pressure: float, temperature: float, a
     tolerance takes there.
 
     Raises:
-        InputError: if no power makes so high a pressure.
+        InputError: if no power makes so high a pressure, or the pressure is highest before the sound field begins.
     """
     bowl = model.bowl
     geometry = float(bowl.aperture_radius), float(bowl.hole_radius), float(bowl.focal_length)
@@ -65,8 +71,9 @@ def _searched(search: _InWater) -> float:
     settings = search.acoustics.start(model, nonlinear=True)
     reach = min(_REACH * focus, 0.9 * (focus - settings.march.start_plane))
     z, source = np.linspace(focus - reach, focus + reach, _N_POSITIONS), settings.source(model)
+    linear_march = dataclasses.replace(settings.march, n_harmonics=1)
 
-    def power_of(march: MarchSettings) -> float:
+    def power_of(march: MarchSettings, z: Float[np.ndarray, " z"]) -> float:
         driven = compiled(
             lambda peak: drive_for_peak_pressure(
                 source,
@@ -80,12 +87,44 @@ def _searched(search: _InWater) -> float:
         )
         return _power(model, float(np.asarray(driven(search.pressure).pressure)), medium)
 
-    linear = power_of(dataclasses.replace(settings.march, n_harmonics=1))
+    linear = power_of(linear_march, z)
+    if not math.isfinite(linear):
+        # A bowl that hardly focuses has its highest pressure far in front of its geometric focus.
+        z = _about_the_peak(search, dataclasses.replace(settings, march=linear_march), source, medium)
+        linear = power_of(linear_march, z)
     if settings.march.n_harmonics == 1:
         return linear
     # Without steepening the peak is lower: the linear drive is too strong, and what resolves its sound is enough.
     model = dataclasses.replace(model, drive=Drive(search.frequency, linear))
-    return power_of(search.acoustics.discretise(model, temperature, nonlinear=True).march)
+    return power_of(search.acoustics.discretise(model, temperature, nonlinear=True).march, z)
+
+
+def _about_the_peak(
+    search: _InWater, settings: Discretisation, source: FocusedBowl | Source, medium: AcousticMedium
+) -> Float[np.ndarray, " z"]:
+    """Positions [m] about the highest pressure of linear sound on the axis, wherever that is beyond the rim."""
+    start, end = settings.march.start_plane, (1.0 + _REACH) * search.geometry[2]
+    z = np.linspace(start, end, _N_ALONG_AXIS)
+    field = compiled(
+        lambda pressure: solve_field(
+            source,
+            PressureDrive(search.frequency, pressure),
+            [AcousticLayer(medium, end + 1e-3)],
+            r=np.zeros(1),
+            z=z,
+            diffraction=settings.diffraction,
+            settings=settings.march,
+        ).pressure[0, 0]
+    )
+    highest = int(np.argmax(np.abs(np.asarray(field(1e5)))))
+    if highest in (0, len(z) - 1):
+        raise InputError(
+            f"`transducer.focal_pressure_mpa` {1e-6 * search.pressure:g}: sound of this bowl is highest at the end of "
+            f"the {1e3 * start:.3g} to {1e3 * end:.3g} mm from its apex that are searched, which is no focus; give "
+            "acoustic_power_w or source_pressure_kpa."
+        )
+    reach = min(_REACH * search.geometry[2], 0.9 * (z[highest] - start))
+    return np.linspace(z[highest] - reach, z[highest] + reach, _N_POSITIONS)
 
 
 def _power(model: Model, pressure: float, medium: AcousticMedium) -> float:

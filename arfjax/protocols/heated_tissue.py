@@ -7,12 +7,13 @@ from collections.abc import Callable
 
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from arfjax.acoustics.field import HarmonicField
 from arfjax.acoustics.intensity import radiation_force_density
 from arfjax.errors import InputError
-from arfjax.laws import Temperature
+from arfjax.laws import Temperature, ViscoelasticLaw, common_range
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.material.harmonic import SolidField, solid_field
 from arfjax.mechanics.material.inclusion import instantaneous_modulus, material_of, mixed
@@ -22,6 +23,9 @@ from arfjax.media import Scalar, Solid
 from arfjax.model import DamageEdge, Model, TabulatedSize
 from arfjax.protocols.discretisation import LIVER_RADIUS, Discretisation
 from arfjax.thermal.lesion import LesionSize, lesion_size
+
+_NO_SHARE = 1e-30
+"""Share of the lesion below which no digit of liver's constants changes."""
 
 
 def lesion_of(
@@ -83,7 +87,25 @@ def heated_solid(
     if liver is None:
         raise InputError("the model's liver has no viscoelastic constants, which its motion needs.")
     hot = temperature if lesion_temperature is None else lesion_temperature
-    return mixed(liver(temperature), model.lesion.viscoelasticity(hot), share)
+    lesion = model.lesion.viscoelasticity
+    return mixed(liver(temperature), lesion(_of_lesion(lesion, hot, share)), share)
+
+
+def _of_lesion(law: ViscoelasticLaw, temperature: Temperature, share: Float[Array, "rq zq"]) -> Temperature:
+    """Temperature [degC] of the lesion's constants, within its laws' range where there is no lesion.
+
+    Its laws need not make a solid there: relaxation times that fall with cold go below zero. Traced constants are not
+    looked at, and what there is none of has no effect.
+    """
+    if isinstance(temperature, Tracer) or isinstance(share, Tracer):
+        return temperature
+    present = np.asarray(share) > _NO_SHARE
+    if np.ndim(temperature) == 0:
+        present = np.any(present)
+    if np.all(present):
+        return temperature
+    given = jnp.asarray(temperature, dtype=float)
+    return jnp.where(present, given, jnp.clip(given, *common_range(law)))
 
 
 def material_in_time(model: Model, temperature: Temperature, solid: Solid, shape: tuple[int, ...]) -> ViscoelasticField:

@@ -16,6 +16,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from arfjax.acoustics.checks import check_source
@@ -24,7 +25,7 @@ from arfjax.acoustics.intensity import heat_deposition
 from arfjax.acoustics.layers import AcousticLayer
 from arfjax.acoustics.sources.radiating_bowl import as_source
 from arfjax.errors import InputError, lies_within
-from arfjax.laws import extrapolations
+from arfjax.laws import Temperature, extrapolations
 from arfjax.mechanics.elements.mesh import Mesh
 from arfjax.mechanics.modulation import Modulation
 from arfjax.mechanics.transient.push import PushResult, PushSettings, solve_push
@@ -37,13 +38,16 @@ from arfjax.thermal.bioheat import Phase, focal_temperature, solve_bioheat
 from arfjax.thermal.dose import cumulative_equivalent_minutes
 from arfjax.thermal.lesion import LesionSize
 
+_ROUNDING = 1e-3
+"""Of a temperature in single precision, after it has been scaled [K]."""
+
 
 class StepwiseProtocol(eqx.Module):
     """What is done to the tissue.
 
     Attributes:
         start_temperature: Of all tissue and of blood at the start of the sonication [degC].
-        final_temperature: At the geometric focus at the end of the sonication [degC].
+        final_temperature: At the geometric focus at the end of the sonication, above the start's [degC].
         duration: Of the sonication [s].
         push_duration: Of the push; the displacement is read at its end [s].
         modulation: Course of the force over the push, see `PushSettings`; constant if not given. The displacement is
@@ -55,6 +59,22 @@ class StepwiseProtocol(eqx.Module):
     duration: float = eqx.field(static=True, default=60.0)
     push_duration: float = eqx.field(static=True, default=0.5e-3)
     modulation: Modulation | None = eqx.field(static=True, default=None)
+
+    def __check_init__(self) -> None:
+        """Refuse a sonication that does not heat tissue, or takes no time, and a push that takes none."""
+        for name in ("start_temperature", "final_temperature"):
+            if not lies_within(getattr(self, name), 0.0, 120.0):
+                raise InputError(
+                    f"`{name}` must lie in 0 to 120 degC, got {getattr(self, name)}. Kelvin? Subtract 273.15."
+                )
+        if not self.start_temperature < self.final_temperature:
+            raise InputError(
+                f"`final_temperature` {self.final_temperature} degC must lie above `start_temperature` "
+                f"{self.start_temperature} degC: the sonication heats."
+            )
+        for name in ("duration", "push_duration"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise InputError(f"`{name}` must be positive and finite [s], got {getattr(self, name)}.")
 
     def push_steps(self, settings: Discretisation) -> PushSettings:
         """Time steps of a push, with which the run ends."""
@@ -122,7 +142,8 @@ def simulate_heating(model: Model, protocol: StepwiseProtocol, settings: Discret
     model differ that are no arrays.
 
     Raises:
-        InputError: if the discretisation is none for the model's sound, or constants of sound are not finite.
+        InputError: if the discretisation is none for the model's sound, constants of sound are not finite, or the
+            drive does not heat.
     """
     start = protocol.start_temperature
     layers = layers_at(model, start, start)
@@ -159,7 +180,7 @@ def heating_by(
     The rise is scaled with the power: NaN where tissue makes heat itself and that is traced.
 
     Raises:
-        InputError: if there is metabolic heat.
+        InputError: if there is metabolic heat, or none that warms the focus.
     """
     grid = settings.heat_grid
     start = protocol.start_temperature
@@ -178,6 +199,11 @@ def heating_by(
         phases=[Phase(protocol.duration, settings.n_heat_steps)],
     )
     focal = focal_temperature(history, grid, settings.focus)
+    if not lies_within(focal[-1] - start, 0.0, above=True):
+        raise InputError(
+            f"the heat of {model.drive.acoustic_power} W does not warm the focus, so that it cannot be scaled to reach "
+            f"{protocol.final_temperature:g} degC; give a positive `acoustic_power` and heat at the focus."
+        )
     scale = (protocol.final_temperature - start) / (focal[-1] - start)
     scale = jnp.where(jnp.all(jnp.asarray(field.metabolic_heat) == 0.0), scale, jnp.nan)
     temperature = start + scale * (history.temperature - start)
@@ -187,7 +213,11 @@ def heating_by(
 
 
 def lesion_at(model: Model, heating: Heating, temperature: Scalar, settings: Discretisation) -> LesionSize:
-    """The lesion when the focus reaches `temperature` [degC]."""
+    """The lesion when the focus reaches `temperature` [degC].
+
+    Raises:
+        InputError: if the sonication never reaches it, as far as both are concrete; traced ones are held at its ends.
+    """
     return lesion_of(model, temperature, dose_at(heating, temperature), settings)
 
 
@@ -252,6 +282,9 @@ def run_stepwise(
         settings: Grids, mesh and steps; close over them under `jit`, because their positions must be concrete.
         heating: The sonication, where it has been simulated already.
 
+    Raises:
+        InputError: if a concrete temperature lies outside the protocol's.
+
     Accuracy: `DISPLACEMENT_ACCURACY`, with the default discretisation, on the paper's case. In float32 displacements
     are within 1e-4 of those in float64 and lesion sizes within 1e-2; gradients are stated for float64 only.
     """
@@ -278,6 +311,9 @@ def stepwise_displacement(
     """Displacement at the geometric focus at the end of each push [m], as `run_stepwise` gives it.
 
     For fits: its Jacobian by forward mode costs one gradient a push, however many constants are fitted.
+
+    Raises:
+        InputError: if a concrete temperature lies outside the protocol's.
     """
 
     def displacement(argument: tuple[Model, _Step]) -> Array:
@@ -300,6 +336,7 @@ def _prepare(
     settings: Discretisation,
     heating: Heating,
 ) -> tuple[_Step, LesionSize]:
+    _require_reached(temperatures, protocol.start_temperature, protocol.final_temperature)
     sizes = jax.vmap(lambda temperature: lesion_at(model, heating, temperature, settings))(temperatures)
     shares = jax.vmap(
         lambda temperature, size: lesion_share(model, heating, temperature, size, settings, settings.mesh)
@@ -329,7 +366,19 @@ def focal_temperature_at(heating: Heating, time: Float[Array, " n"]) -> Float[Ar
 
 def _time_of(heating: Heating, temperature: Scalar) -> Array:
     """When the focus reaches a temperature; it rises all the time, because the source is constant."""
-    return jnp.interp(jnp.asarray(temperature), heating.focal_temperature, heating.time)
+    course = heating.focal_temperature
+    if not isinstance(course, Tracer):
+        _require_reached(temperature, float(course[0]), float(course[-1]))
+    return jnp.interp(jnp.asarray(temperature), course, heating.time)
+
+
+def _require_reached(temperature: Temperature, start: float, final: float) -> None:
+    """Refuse concrete temperatures [degC] that a sonication does not come to: its ends would stand for them."""
+    if not lies_within(temperature, start - _ROUNDING, final + _ROUNDING):
+        raise InputError(
+            f"the sonication takes the focus from {start:g} to {final:g} degC and never to all of "
+            f"{np.asarray(temperature)} degC; ask for temperatures in between, or change the protocol's."
+        )
 
 
 def dose_at(heating: Heating, temperature: Scalar) -> Float[Array, "r z"]:

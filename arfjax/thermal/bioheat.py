@@ -8,6 +8,7 @@ sonication exact in single precision.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -27,6 +28,7 @@ from arfjax.thermal.conduction import Insulated as Insulated
 from arfjax.thermal.conduction import ThermalField as ThermalField
 from arfjax.thermal.conduction import Walls as Walls
 from arfjax.thermal.conduction import uniform_field as uniform_field
+from arfjax.thermal.history import require_times
 from arfjax.thermal.splitting import march, split_operator
 
 
@@ -70,12 +72,16 @@ class TemperatureHistory(eqx.Module):
     """Temperature at the cell centres over time.
 
     Attributes:
-        time: [s], from 0.
+        time: [s], from 0, ascending.
         temperature: [degC]; the first entry is the initial state.
     """
 
     time: Float[Array, " time"]
     temperature: Float[Array, "time r z"]
+
+    def __check_init__(self) -> None:
+        """Refuse times that do not ascend, or are not one for each map of temperature."""
+        require_times(self.time, jnp.shape(self.temperature)[0])
 
 
 def solve_bioheat(
@@ -107,6 +113,8 @@ def solve_bioheat(
     Raises:
         InputError: if shapes disagree with the grid, or there is no phase.
 
+    Called again with other numbers and the same shapes and steps, it is not compiled anew.
+
     Accuracy: second order in the time step and in the cell size; what the heat delivers is stored or lost to rounding.
     No step is too long to be stable. Steps far longer than a cell's own time constants damp what varies from cell to
     cell along r and z at once slowly, so a jump of the heat needs short steps, smooth heat does not.
@@ -121,14 +129,11 @@ def solve_bioheat(
     if not phases:
         raise InputError("`phases` is empty; give at least one `Phase`.")
     initial_temperature = jnp.asarray(initial_temperature, dtype=float)
-    rise = _run(
-        field,
-        jnp.asarray(heat),
-        cell_geometry(grid),
-        Walls() if walls is None else walls,
-        initial_temperature - arterial_temperature,
-        tuple(phases),
-    )
+    # As arrays, because every other Python number would be another program.
+    walls = Walls() if walls is None else walls
+    of_field, of_walls, of_phases = jax.tree.map(jnp.asarray, (field, walls, tuple(phases)))
+    excess = initial_temperature - arterial_temperature
+    rise = _run(of_field, jnp.asarray(heat), cell_geometry(grid), of_walls, excess, of_phases)
     return TemperatureHistory(phase_times(phases), initial_temperature + rise)
 
 
@@ -181,6 +186,15 @@ def boiling_time(history: TemperatureHistory, grid: AxisymmetricGrid) -> Float[A
     return jnp.where(jnp.any(boils), history.time[jnp.argmax(boils)], jnp.nan)
 
 
+def border_rise(temperature: Float[Array, "time r z"] | Float[np.ndarray, "time r z"]) -> Float[Array, ""]:
+    """Largest change of temperature since the start in the cells beside the outer walls [K].
+
+    Walls that are held at the start temperature cool the focus once their heat has come there.
+    """
+    change = jnp.abs(temperature - temperature[:1])
+    return jnp.max(jnp.stack([jnp.max(edge) for edge in (change[:, -1], change[:, :, 0], change[:, :, -1])]))
+
+
 def on_axis(values: Float[Array, "*batch r z"], grid: AxisymmetricGrid) -> Float[Array, "*batch z"]:
     """Values at r = 0 of the parabolas a + b r^2 through the first two cell centres; fourth order in their radii."""
     if grid.shape[0] == 1:
@@ -206,8 +220,9 @@ def require_shapes(grid: AxisymmetricGrid, values: dict[str, CellValues]) -> Non
             raise InputError(f"`{name}` has shape {jnp.shape(each)}, the grid has {grid.shape} cells (r, z).")
 
 
-def _known(value: Scalar, otherwise: float) -> float:
+def _known(value: Any, otherwise: float) -> float:
     """The value as a number, or what passes every check where it is traced or a batch."""
-    if isinstance(value, Tracer) or not isinstance(value, float | int | np.ndarray | jax.Array) or jnp.ndim(value):
+    kinds = float | int | np.number | np.ndarray | jax.Array
+    if isinstance(value, Tracer) or not isinstance(value, kinds) or jnp.ndim(value):
         return otherwise
     return float(value)

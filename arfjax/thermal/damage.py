@@ -20,6 +20,7 @@ from arfjax.laws import coagulated_fraction as coagulated_fraction
 from arfjax.laws import log_excess as log_excess
 from arfjax.media import Scalar
 from arfjax.numerics.decay import mean_decay
+from arfjax.thermal.history import require_course
 from arfjax.units import SECONDS_PER_MINUTE, ZERO_CELSIUS_IN_KELVIN
 
 REFERENCE_TEMPERATURE = 43.0
@@ -158,6 +159,10 @@ def accumulated_damage(
     Returns:
         Damage in the law's unit, 0 at the first time.
 
+    Raises:
+        InputError: if there is not one time for each temperature; of concrete input, if times do not ascend, or
+            temperatures start above 200 degC and must be in kelvin.
+
     Accuracy: second order in the sampling interval dt, and exact for a temperature that is linear in time where the
     law's logarithm is linear in temperature, as that of thermal dose on either side of 43 degC. Else the relative
     error is dt^2 / 12 times the second derivative of the logarithm of the rate: the default Arrhenius law at 60 degC
@@ -169,6 +174,7 @@ def accumulated_damage(
     Differentiability: in temperature, time and the law's constants; at 43 degC the upper slope. Values and slopes of
     all laws here are finite to 120 degC in float32 and beyond.
     """
+    require_course(temperature, time)
     temperature = jnp.asarray(temperature)
     increments = jax.vmap(lambda before, after, duration: damage_increment(law, before, after, duration))(
         temperature[:-1], temperature[1:], jnp.diff(jnp.asarray(time))

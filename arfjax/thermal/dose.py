@@ -32,6 +32,9 @@ def cumulative_equivalent_minutes(
     Returns:
         Dose [equivalent min at 43 degC], 0 at the first time.
 
+    Raises:
+        InputError: as `accumulated_damage`.
+
     Accuracy: second order in the sampling interval dt; exact where temperature changes linearly between samples on
     one side of 43 degC. An interval of d kelvin across 43 degC loses at most dt d ln(2) / 8 (0.0014 min at 1 K and
     1 s), an average of dt d ln(2) / 12. Where temperature bends, the relative error above 43 degC is

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from arfjax.coagulation import require_transition
 from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
 from arfjax.media import Scalar
@@ -103,12 +104,13 @@ def smoothed_lesion_size(
         width: Of the transition in the logarithm of damage, positive.
 
     Raises:
-        InputError: if `damage` does not fit the grid.
+        InputError: if `damage` does not fit the grid, or threshold or width is a number that is not positive.
 
     Accuracy: second order in the cell size, with respect to the smoothed size.
     Differentiability: in `damage` and `threshold` (and `width`); the slope of the diameter jumps when the widest place
     moves to another cell.
     """
+    require_transition(threshold=threshold, width=width)
     level = _level(damage, grid, threshold) / width
     axis, positions = _whole_axis(level, grid)
     measure = jnp.asarray(np.diff(positions)) * _mean_logistic(axis[:-1], axis[1:])

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any
 
+import jax.numpy as jnp
 import numpy as np
 import typer
 import xarray as xr
@@ -19,14 +20,18 @@ from arfjax import (
 )
 from arfjax.io import transient_dataset, write_netcdf
 from arfjax.numerics.compiled import compiled
+from arfjax.protocols.transient import first_reached
+from arfjax.thermal.bioheat import border_rise
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.notes import (
     WATCHED,
     assumed_notes,
     boiling_notes,
+    border_notes,
     grid_notes,
     heated_range_notes,
     lesion_range_notes,
+    modulation_notes,
     sound_notes,
 )
 from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
@@ -83,7 +88,9 @@ def monitor_command(
         notes = assumed + boiling_notes(result.sonication.boiling_time)
         notes += lesion_range_notes(model, result.sonication)
         notes += heated_range_notes(model, described, settings, result.sonication)
+        notes += border_notes(border_rise(result.sonication.temperature))
         notes += sound_notes(settings, *(phase.relative_power for phase in described.sonication.phases))
+        notes += modulation_notes(settings, monitoring)
         notes += grid_notes(model, described.sonication.duration_s)
         (folder / "report.md").write_text(_report(data, figures, notes), encoding="utf-8")
         write_summary(
@@ -105,7 +112,8 @@ def _reference(described: Experiment, shown: np.ndarray) -> float:
     wanted = described.monitoring.normalised_at_c
     if wanted is None:
         return float(shown[0])
-    if not shown[0] <= wanted <= shown.max():
+    # By the rule of the result's own normalisation, which allows for rounding.
+    if not np.isfinite(first_reached(jnp.asarray(shown), wanted)[1]):
         raise InputError(
             f"`monitoring.normalised_at_c` {wanted:g}: the thermocouple shows {shown[0]:.1f} to {shown.max():.1f} degC "
             "only; name a temperature in between, or change the power."

@@ -10,11 +10,14 @@ from arfjax import (
     Discretisation,
     DoseSize,
     Experiment,
+    Heating,
     Model,
     SonicationResult,
     extrapolations,
     range_notes,
 )
+from arfjax.experiment.monitoring import MonitoringSection
+from arfjax.thermal.bioheat import border_rise
 from arfjax.thermal.damage import LETHAL_DOSE_MINUTES
 
 WATCHED = ("sonication", "monitoring", "mechanics", "lesion")
@@ -23,6 +26,7 @@ WATCHED = ("sonication", "monitoring", "mechanics", "lesion")
 _LOWEST_FREQUENCY = 0.25e6  # Hz; there the field is within 0.5 percent of its peak
 _LONGEST_WITHOUT_FLOW = 600.0  # s; until then the focus does not feel the walls, and 10 mm from it 3 percent are missed
 _BODY_TEMPERATURE = 37.0  # degC
+_COOLING_RISE = 0.5  # K
 
 
 def assumed_notes(described: Experiment, *sections: str, power: SupportsFloat = 0.0) -> list[str]:
@@ -100,6 +104,35 @@ def sound_notes(settings: Discretisation, *factors: float) -> list[str]:
     return short + _scaling_notes(settings, *factors)
 
 
+def modulation_notes(settings: Discretisation, monitoring: MonitoringSection) -> list[str]:
+    """A warning where the mean heat of a modulated beam is taken as a share of its strongest moment's.
+
+    Exact where heat goes with the power, and where the beam is on or off.
+    """
+    share = monitoring.mean_force()
+    if settings.march.n_harmonics == 1 or monitoring.modulation == "square" or share > 0.99:
+        return []
+    return [
+        f"heat is that of the beam at its strongest times the mean of its modulation, {share:.3g}, but nonlinear sound "
+        "of weaker moments heats in another shape; only that of a beam that is on or off (square) is exact."
+    ]
+
+
+def border_notes(rise: SupportsFloat) -> list[str]:
+    """A warning where the border of the grid warms by a rise [K] that its walls, held at the start, take away."""
+    if not float(rise) > _COOLING_RISE:
+        return []
+    return [
+        f"the border of the grid warms by {float(rise):.1f} K beside walls that are held; the walls cool the focus."
+    ]
+
+
+def heated_border_notes(heating: Heating, temperature: float) -> list[str]:
+    """That warning of a sonication up to where its focus comes to a temperature [degC]."""
+    reached = int(np.searchsorted(np.asarray(heating.focal_temperature), temperature))
+    return border_notes(border_rise(heating.temperature[: reached + 1]))
+
+
 def grid_notes(model: Model, duration: float = 0.0) -> list[str]:
     """Warnings where the grids' size no longer suits what runs on them; see `march_settings` and `discretise`.
 
@@ -117,8 +150,8 @@ def grid_notes(model: Model, duration: float = 0.0) -> list[str]:
     flows = np.any(np.asarray(model.liver.perfusion_rate.after(_BODY_TEMPERATURE, 0.0)) > 0.0)
     if duration > _LONGEST_WITHOUT_FLOW and not flows:
         notes.append(
-            f"heat is followed over {duration:g} s without blood flow, within walls 20 mm from the focus that stay as "
-            "warm as at the start: after 1800 s the rise at the focus is 1.1 % too low, 10 mm from it 20 %."
+            f"heat is followed over {duration:g} s without blood flow, within walls up to 20 mm from the focus that "
+            "stay as warm as at the start: after 1800 s the rise at the focus is 1.1 % too low, 10 mm from it 20 %."
         )
     return notes
 

@@ -13,7 +13,7 @@ from arfjax import Experiment, InputError, WatchSettings, range_notes, read_expe
 from arfjax.io import push_dataset, write_netcdf
 from arfjax.numerics.compiled import compiled
 from inverse.commands.console import progress_bar, show_lines, show_table
-from inverse.commands.notes import assumed_notes, grid_notes, sound_notes
+from inverse.commands.notes import assumed_notes, grid_notes, heated_border_notes, sound_notes
 from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
 
 _SHORTEST_WATCH, _LONGEST_WATCH = 0.5, 50.0  # ms
@@ -67,6 +67,7 @@ def push_command(
         drawn = arfjax.figures.draw_push(data, model, push_duration=protocol.push_duration)
         figures = write_figures(folder, {"push": drawn})
         notes = assumed + range_notes(model, np.asarray([temperature]), np.asarray([float(result.lesion.length)]))
+        notes += heated_border_notes(heating, temperature)
         notes += sound_notes(settings, 1.0) + grid_notes(model)
         (folder / "report.md").write_text(_report(described, data, figures, notes), encoding="utf-8")
         write_summary(

@@ -26,7 +26,7 @@ from arfjax import (
 from arfjax.io import field_dataset, heating_dataset, stepwise_dataset, write_netcdf
 from arfjax.numerics.compiled import compiled
 from inverse.commands.console import progress_bar, show_lines, show_table
-from inverse.commands.notes import assumed_notes, boiling_notes, grid_notes, sound_notes
+from inverse.commands.notes import assumed_notes, boiling_notes, grid_notes, heated_border_notes, sound_notes
 from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
 
 _FIELD_RADIUS = 20e-3  # m
@@ -77,6 +77,7 @@ def simulate(
         notes = assumed + range_notes(model, np.asarray(result.temperature), np.asarray(result.lesion_length))
         course = TemperatureHistory(heating.time, heating.temperature)
         notes += boiling_notes(boiling_time(course, settings.heat_grid))
+        notes += heated_border_notes(heating, protocol.final_temperature)
         notes += sound_notes(settings, float(heating.acoustic_power / model.drive.acoustic_power))
         notes += grid_notes(model)
         (folder / "report.md").write_text(_report(described, data, heating, figures, notes), encoding="utf-8")

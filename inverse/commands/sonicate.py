@@ -28,8 +28,16 @@ from arfjax import (
 )
 from arfjax.io import field_dataset, sonication_dataset, write_netcdf
 from arfjax.numerics.compiled import compiled
+from arfjax.thermal.bioheat import border_rise
 from inverse.commands.console import show_lines, show_table, working
-from inverse.commands.notes import assumed_notes, boiling_notes, grid_notes, heated_range_notes, sound_notes
+from inverse.commands.notes import (
+    assumed_notes,
+    boiling_notes,
+    border_notes,
+    grid_notes,
+    heated_range_notes,
+    sound_notes,
+)
 from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
 
 _SHOWN_RADIUS = 8e-3  # m
@@ -146,17 +154,8 @@ def shown_times(data: xr.Dataset) -> list[float]:
 def notes_on(model: Model, described: Experiment, settings: Discretisation, result: SonicationResult) -> list[str]:
     """What a reader must know: boiling, heat at the border of the grid, laws beyond their range."""
     notes = boiling_notes(result.boiling_time)
-    temperature = np.asarray(result.temperature)
-    border = max(np.abs(edge - temperature[0, 0, 0]).max() for edge in _edges(temperature))
-    if border > 0.5:
-        notes.append(
-            f"the border of the grid warms by {border:.1f} K beside walls that are held; the walls cool the focus."
-        )
+    notes += border_notes(border_rise(result.temperature))
     return notes + heated_range_notes(model, described, settings, result)
-
-
-def _edges(temperature: np.ndarray) -> list[np.ndarray]:
-    return [temperature[:, -1], temperature[:, :, 0], temperature[:, :, -1]]
 
 
 def _rows(data: xr.Dataset, result: SonicationResult, settings: Discretisation) -> list[tuple[str, str]]:

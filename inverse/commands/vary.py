@@ -16,7 +16,15 @@ from arfjax import AdaptiveSteps, Discretisation, Experiment, FixedSteps, InputE
 from arfjax import TransientProtocol as WatchedSonication
 from arfjax.io import VARIABLES, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
-from inverse.commands.notes import WATCHED, assumed_notes, central_range_notes, grid_notes, sound_notes
+from inverse.commands.notes import (
+    WATCHED,
+    assumed_notes,
+    border_notes,
+    central_range_notes,
+    grid_notes,
+    modulation_notes,
+    sound_notes,
+)
 from inverse.commands.partial import PartialFile, StoppedEarly
 from inverse.commands.variability_report import HEADER, report, results, rows
 from inverse.figures import draw_bands, draw_sensitivity
@@ -93,7 +101,7 @@ def vary_command(
         with output_directory(out) as folder:
             outcomes = _run(task, factors, partial)
             data = _dataset(task, factors, outcomes)
-            task = dataclasses.replace(task, notes=(*task.notes, *_range_notes(task, outcomes)))
+            task = dataclasses.replace(task, notes=(*task.notes, *_central_notes(task, outcomes)))
             data.attrs |= {
                 "title": described.title,
                 "protocol": str(protocol),
@@ -185,6 +193,7 @@ def _transient_task(described: Experiment) -> Task:
             *assumed,
             f"displacement by {monitoring.words()}; elements are those that the central constants need.",
             *sound_notes(settings, *(phase.relative_power for phase in sonication.phases)),
+            *modulation_notes(settings, monitoring),
             *grid_notes(model, sonication.duration_s),
         ),
     )
@@ -203,10 +212,11 @@ def _run(task: Task, factors: np.ndarray, partial: PartialFile) -> dict[str, np.
     return outcomes
 
 
-def _range_notes(task: Task, outcomes: dict[str, np.ndarray]) -> list[str]:
-    """Of the first run, that of the central constants."""
+def _central_notes(task: Task, outcomes: dict[str, np.ndarray]) -> list[str]:
+    """What the first run, that of the central constants, has to say of its temperatures."""
     temperature = outcomes["focal_temperature"][0] if task.temperatures is None else task.temperatures
-    return central_range_notes(task.model, temperature, outcomes["lesion_length"][0])
+    ranges = central_range_notes(task.model, temperature, outcomes["lesion_length"][0])
+    return [*border_notes(outcomes["border_rise"][0]), *ranges]
 
 
 def _dataset(task: Task, factors: np.ndarray, outcomes: dict[str, np.ndarray]) -> xr.Dataset:
@@ -234,6 +244,7 @@ def _dataset(task: Task, factors: np.ndarray, outcomes: dict[str, np.ndarray]) -
 _OTHERS = {
     "heating_power": ("W", "acoustic power with which the sonication ends at its last temperature"),
     "boiling_time": ("s", "first output time at which 100 degC are reached; NaN if never"),
+    "border_rise": ("K", "largest warming of the heat grid's border, whose walls are held at the start temperature"),
 }
 
 

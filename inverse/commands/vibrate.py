@@ -29,7 +29,7 @@ from arfjax.experiment.mechanics import Mechanics
 from arfjax.io import vibration_dataset, write_netcdf
 from arfjax.numerics.compiled import compiled
 from inverse.commands.console import progress_bar, show_lines, show_table
-from inverse.commands.notes import assumed_notes, grid_notes, sound_notes
+from inverse.commands.notes import assumed_notes, grid_notes, heated_border_notes, sound_notes
 from inverse.output import output_directory, quantity, recorded, write_figures, write_summary
 
 _LOWEST, _HIGHEST = 5.0, 1000.0  # Hz
@@ -100,6 +100,7 @@ def vibrate_command(
         write_netcdf(data, folder / "vibration.nc")
         figures = write_figures(folder, {"vibration": arfjax.figures.draw_vibration(data, model)})
         notes = assumed + range_notes(model, np.asarray([temperature]), np.asarray([float(result.lesion.length)]))
+        notes += heated_border_notes(heating, temperature)
         notes += sound_notes(settings, 1.0) + grid_notes(model) + _notes(described, settings, data)
         (folder / "report.md").write_text(_report(data, figures, notes), encoding="utf-8")
         write_summary(

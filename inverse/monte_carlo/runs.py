@@ -20,6 +20,7 @@ from arfjax import (
     simulate_heating,
 )
 from arfjax.model import TabulatedSize
+from arfjax.thermal.bioheat import border_rise
 from inverse.monte_carlo.spreads import Spread, varied
 
 Outcome = Callable[[Model], dict[str, Array]]
@@ -37,6 +38,7 @@ def stepwise_outcome(protocol: StepwiseProtocol, temperatures: Sequence[float], 
             "lesion_length": result.lesion_length,
             "lesion_diameter": result.lesion_diameter,
             "heating_power": heating.acoustic_power,
+            "border_rise": border_rise(heating.temperature),
         }
 
     return outcome
@@ -70,6 +72,7 @@ def transient_outcome(
             "focal_temperature": result.sonication.focal_temperature,
             "lesion_length": result.sonication.lesion.length,
             "boiling_time": result.sonication.boiling_time,
+            "border_rise": border_rise(result.sonication.temperature),
         }
 
     return outcome

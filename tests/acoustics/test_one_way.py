@@ -232,6 +232,12 @@ def test_single_precision_agrees():
         ({"layers": [AcousticLayer(dataclasses.replace(WATER, sound_speed=np.inf), 0.1)]}, "`sound_speed` is inf"),
         ({"layers": [AcousticLayer(dataclasses.replace(WATER, density=-1e3), 0.1)]}, "`density` must be positive"),
         ({"layers": [AcousticLayer(dataclasses.replace(WATER, attenuation=-5.0), 0.1)]}, "`attenuation` must not be"),
+        ({"drive": Drive(1.1, 50.0)}, "`frequency` must not be below 10000 .Hz., got 1.1. Megahertz"),
+        ({"layers": [AcousticLayer(dataclasses.replace(WATER, density=1.0), 0.1)]}, "`density` must not be below 100"),
+        ({"layers": [AcousticLayer(dataclasses.replace(WATER, absorption_fraction=50.0), 0.1)]}, "A percentage"),
+        ({"layers": [AcousticLayer(dataclasses.replace(WATER, absorption_fraction=-1.0), 0.1)]}, "absorption_fraction"),
+        ({"layers": [AcousticLayer(dataclasses.replace(WATER, absorption_exponent=3.0), 0.1)]}, "not above 2"),
+        ({"layers": [AcousticLayer(dataclasses.replace(WATER, absorption_exponent=-1.0), 0.1)]}, "absorption_exponent"),
         ({"bowl": FocusedBowl(32e-3, np.nan, 62.6e-3)}, "not finite"),
         ({"layers": [AcousticLayer(WATER, 0.1), AcousticLayer(WATER, np.nan)]}, "positive thicknesses"),
         ({"z": np.array([12e-3])}, "beyond the start plane"),
@@ -248,7 +254,7 @@ def test_impossible_input_is_refused(changes, message):
 @pytest.mark.parametrize(
     "changes",
     [{"axial_step": 0.0}, {"axial_step": -1e-3}, {"axial_step": 0.34}, {"n_radial": 0}, {"n_harmonics": 2}]
-    + [{"sponge_start": 0.98}, {"sponge_strength": np.nan}, {"domain_radius": 62.0}],
+    + [{"start_plane": np.nan}, {"sponge_start": 0.98}, {"sponge_strength": np.nan}, {"domain_radius": 62.0}],
 )
 def test_settings_that_cannot_be_meant_are_refused(changes):
     with pytest.raises(InputError):

@@ -110,6 +110,12 @@ def test_without_time_constants_nothing_is_added_and_nothing_lags():
     np.testing.assert_array_equal(shown, read(Thermocouple(), history))
 
 
+def test_times_that_do_not_ascend_are_refused():
+    history = history_of(TIMES, np.sin(TIMES), FLAT)
+    with pytest.raises(InputError, match="must be finite and ascend"):
+        TemperatureHistory(history.time[::-1], history.temperature)
+
+
 def test_without_a_viscous_share_heat_may_be_given_alone():
     history = history_of(TIMES, np.sin(TIMES), FLAT)
     shown = Thermocouple(time_constant=0.3)(history, GRID, z=FOCUS, heat=jnp.full(GRID.shape, 1e7))

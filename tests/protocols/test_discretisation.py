@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arfjax import discretise, read_experiment
+from arfjax import InputError, discretise, read_experiment
 from arfjax.acoustics.settings import MarchSettings
 from arfjax.protocols.discretisation import march_settings
 from arfjax.transducer import FocusedBowl
@@ -71,3 +71,9 @@ def test_a_longer_push_has_more_steps_and_none_is_longer(duration, times):
     assert steps.n_steps * steps.time_step == pytest.approx(duration, rel=1e-14) == steps.push_duration
     assert steps.time_step <= 0.5e-3 / settings.n_push_steps * (1.0 + 1e-9)
     assert times is None or steps.n_steps == times * settings.n_push_steps
+
+
+@pytest.mark.parametrize("refinement", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_refinement_that_is_none_is_refused(refinement):
+    with pytest.raises(InputError, match="`refinement` divides all spacings"):
+        discretise(MODEL, refinement=refinement)

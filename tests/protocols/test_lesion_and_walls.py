@@ -1,8 +1,10 @@
 """What the lesion's edge, the walls and the outer layer make of the material, the force and the push."""
 
 import dataclasses
+import warnings
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -24,6 +26,7 @@ from arfjax.mechanics.elements.mesh import Walls
 from arfjax.mechanics.force import total_force
 from arfjax.mechanics.material.lesion import Ellipsoid, EllipsoidalLesion
 from arfjax.model import DamageEdge
+from arfjax.protocols.heated_tissue import heated_solid
 from arfjax.protocols.shear_wave import WatchSettings, watch_mesh
 from arfjax.protocols.stepwise import force_at, lesion_share, push
 from tests.protocols.test_vibration import MODEL, PROTOCOL, SETTINGS
@@ -96,6 +99,25 @@ def test_an_edge_by_dose_needs_a_dose():
     with pytest.raises(InputError, match="tabulated size"):
         Lesion(MODEL.lesion.viscoelasticity, tabulated_size(), DamageEdge())
     assert isinstance(Lesion(MODEL.lesion.viscoelasticity, DoseSize()).edge, LinearEdge)
+    for wrong in (lambda: DamageEdge(-0.25), lambda: DoseSize(-240.0)):
+        with pytest.raises(InputError, match="of coagulation must be positive"):
+            wrong()
+
+
+@pytest.mark.parametrize("by_point", [False, True])
+def test_cold_liver_without_a_lesion_does_not_ask_the_lesion_s_laws(by_point):
+    """Whose relaxation time is below zero at 15 degC; as traced, where nothing is looked at."""
+    share = jnp.zeros((2, 3))
+    hot = jnp.full((2, 3), 15.0) if by_point else 15.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        solid = heated_solid(MODEL, 15.0, share, hot)
+    traced = jax.jit(lambda share, hot: heated_solid(MODEL, 15.0, share, hot))(share, jnp.asarray(hot))
+    for got, expected in zip(jax.tree.leaves(solid), jax.tree.leaves(traced), strict=True):
+        np.testing.assert_allclose(np.broadcast_to(got, share.shape), expected, rtol=1e-15)
+    with pytest.raises(InputError, match="relaxation_time"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        heated_solid(MODEL, 15.0, share + 0.5, hot)
 
 
 def test_semi_axes_are_twice_as_large():

@@ -26,7 +26,7 @@ from arfjax.acoustics.intensity import heat_deposition
 from arfjax.protocols import stepwise
 from arfjax.protocols.shear_wave import WatchSettings
 from arfjax.protocols.shear_wave import _steps as steps_of_watch
-from arfjax.protocols.stepwise import heating_by
+from arfjax.protocols.stepwise import Heating, heating_by, lesion_at
 
 EXPERIMENT = Path(__file__).parents[2] / "examples" / "suomi2016.toml"
 
@@ -319,6 +319,34 @@ def test_a_heating_refuses_sound_that_is_none_before_it_compiles_any(model, prot
     quick = eqx.tree_at(lambda tree: tree.drive.frequency, model, jnp.asarray(20e6))
     with pytest.raises(arfjax.InputError, match="does not resolve"):
         simulate_heating(quick, protocol, coarse)
+
+
+def test_a_protocol_that_no_sonication_can_follow_is_refused():
+    for wrong, match in (
+        ({"start_temperature": 70.0, "final_temperature": 35.0}, "must lie above"),
+        ({"start_temperature": 308.15, "final_temperature": 343.15}, "Kelvin"),
+        ({"duration": 0.0}, "`duration` must be positive"),
+        ({"push_duration": float("nan")}, "`push_duration` must be positive"),
+    ):
+        with pytest.raises(arfjax.InputError, match=match):
+            arfjax.StepwiseProtocol(**wrong)
+
+
+def test_temperatures_that_the_sonication_never_reaches_are_refused(model, protocol, coarse):
+    nothing = jnp.zeros((2, *coarse.heat_grid.shape))
+    heating = Heating(jnp.asarray([0.0, 60.0]), jnp.asarray([35.0, 70.0]), nothing, nothing, jnp.asarray(50.0))
+    for outside in (80.0, 34.0):
+        with pytest.raises(arfjax.InputError, match="from 35 to 70 degC and never to all of"):
+            lesion_at(model, heating, outside, coarse)
+        for run in (run_stepwise, stepwise_displacement):
+            with pytest.raises(arfjax.InputError, match="from 35 to 70 degC and never to all of"):
+                run(model, jnp.asarray([40.0, outside]), protocol, coarse, heating=heating)
+    assert float(lesion_at(model, heating, 70.0 + 1e-9, coarse).length) == 0.0
+
+
+def test_a_drive_that_does_not_heat_is_refused(model, protocol, coarse):
+    with pytest.raises(arfjax.InputError, match="does not warm the focus"):
+        heating_by(model, jnp.zeros(coarse.heat_grid.shape), protocol, coarse)
 
 
 def test_a_heating_that_comes_again_compiles_no_sound(model, protocol, coarse, monkeypatch):

@@ -16,6 +16,7 @@ from arfjax.exact.bioheat import (
 )
 from arfjax.grid import AxisymmetricGrid, graded_positions
 from arfjax.media import ThermalMedium
+from arfjax.thermal import bioheat
 from arfjax.thermal.bioheat import (
     Convective,
     FixedTemperature,
@@ -262,6 +263,34 @@ def test_single_precision_agrees():
 def test_senseless_phases_are_refused(arguments, message):
     with pytest.raises(InputError, match=message):
         Phase(*arguments)
+
+
+def test_a_scalar_of_numpy_is_a_number():
+    """Which the annotations that are checked in tests do not allow, but others may pass."""
+    assert bioheat._known(np.float32(-1.0), 1.0) == bioheat._known(np.int64(-1), 1.0) == -1.0
+
+
+def test_other_numbers_are_no_other_program(monkeypatch):
+    """Durations, powers and walls that are Python numbers; the results are those of arrays."""
+    traced = []
+
+    def counted(*arguments):
+        traced.append(arguments)
+        return split_operator(*arguments)
+
+    monkeypatch.setattr(bioheat, "split_operator", counted)
+    grid = box(n_r=5, n_z=7)  # which no other test has had compiled
+
+    def warmed(duration, power, wall):
+        walls = Walls(outer=FixedTemperature(wall), far=Convective(50.0, wall))
+        heat = np.full(grid.shape, 1e6)
+        return rise(uniform_field(LIVER, grid), heat, grid, phases=[Phase(duration, 4, power)], walls=walls)
+
+    given = (2.0, 1.0, 0.5), (2.5, 0.5, 1.0)
+    found = [warmed(*numbers) for numbers in given]
+    assert len(traced) == 1
+    for got, numbers in zip(found, given, strict=True):
+        np.testing.assert_allclose(got, warmed(*map(jnp.asarray, numbers)), rtol=1e-14)
 
 
 def test_senseless_shapes_and_positions_are_refused():

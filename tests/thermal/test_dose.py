@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from arfjax.errors import InputError
 from arfjax.thermal.dose import LETHAL_DOSE_MINUTES, cumulative_equivalent_minutes, dose_rate
+from arfjax.thermal.history import require_times
 from tests.checks import assert_gradient, assert_order
 
 RAMP = (35.0, 70.0, 60.0)  # from, to [degC], in [s]
@@ -97,6 +99,22 @@ def test_values_and_slopes_are_finite(temperature, dtype):
     rate = np.log(2.0) if temperature >= 43.0 else np.log(4.0)
     np.testing.assert_allclose(slope, rate * dose, rtol=1e-5)
     assert np.isfinite(slope)
+
+
+def test_courses_that_are_none_are_refused():
+    for time in ([0.0, 20.0, 10.0], [0.0, np.nan, 10.0], [0.0, 10.0, np.inf]):
+        with pytest.raises(InputError, match="must be finite and ascend"):
+            cumulative_equivalent_minutes(np.full(3, 50.0), np.asarray(time))
+    with pytest.raises(InputError, match="Kelvin"):
+        cumulative_equivalent_minutes(jnp.asarray([310.0, 323.0]), jnp.asarray([0.0, 20.0]))
+    with pytest.raises(InputError, match=r"shape \(2,\) for 3 temperatures"):
+        require_times(np.asarray([0.0, 20.0]), 3)
+    # What runs away is not a matter of units, and traced times are not looked at.
+    assert float(cumulative_equivalent_minutes(np.asarray([37.0, 400.0]), np.asarray([0.0, 1.0]))[-1]) > 1e100
+    falling = jax.jit(lambda time: cumulative_equivalent_minutes(np.full(3, 50.0), time))(
+        jnp.asarray([0.0, 20.0, 10.0])
+    )
+    assert float(falling[2]) < float(falling[1])
 
 
 def test_gradient():

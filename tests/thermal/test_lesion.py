@@ -272,3 +272,10 @@ def test_a_dose_of_another_grid_is_refused():
         lesion_size(np.zeros((3, 4)), grid_of(6))
     with pytest.raises(InputError, match="`dose` has shape"):
         smoothed_lesion_size(np.zeros((3, 4)), grid_of(6), width=0.5)
+
+
+def test_a_smoothed_size_needs_a_transition():
+    grid = grid_of(6)
+    for wrong in ({"width": -0.5}, {"width": 0.5, "threshold": -240.0}):
+        with pytest.raises(InputError, match="of coagulation must be positive"):
+            smoothed_lesion_size(np.ones(grid.shape), grid, **wrong)

@@ -61,9 +61,9 @@ class PushSettings(eqx.Module):
 
     def __check_init__(self) -> None:
         """Refuse steps that are not positive and a push that ends between two steps."""
-        if self.time_step <= 0.0 or self.n_steps < 1 or self.push_duration <= 0.0:
+        if not (0.0 < self.time_step < math.inf and self.n_steps >= 1 and self.push_duration > 0.0):
             raise InputError(
-                "`time_step`, `n_steps` and `push_duration` must be positive, got "
+                "`time_step`, `n_steps` and `push_duration` must be positive, and the first finite, got "
                 f"{self.time_step} s, {self.n_steps}, {self.push_duration} s."
             )
         if not 0.0 <= self.spectral_radius <= 1.0:

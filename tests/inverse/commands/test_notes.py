@@ -4,17 +4,27 @@ import dataclasses
 import importlib
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
 
-from arfjax import Drive, InputError, MarchSettings, discretise, read_experiment
+from arfjax import Drive, Heating, InputError, MarchSettings, discretise, read_experiment
+from arfjax.experiment.monitoring import MonitoringSection
 from arfjax.laws import Constant
 from arfjax.tissues import unperfused
 from inverse.commands.calibrate import ending
 from inverse.commands.field import power_lines
 from inverse.commands.main import run
-from inverse.commands.notes import assumed_notes, boiling_notes, grid_notes, sound_notes
+from inverse.commands.notes import (
+    assumed_notes,
+    boiling_notes,
+    border_notes,
+    grid_notes,
+    heated_border_notes,
+    modulation_notes,
+    sound_notes,
+)
 from inverse.datasets.shipped import shipped
 from inverse.diagnosis.hmi.causes.perfusion import PERFUSED
 from inverse.least_squares import descend
@@ -26,6 +36,29 @@ def test_heat_of_nonlinear_sound_at_another_power():
     assert sound_notes(linear, 0.4) == sound_notes(nonlinear, 1.0, 0.0, 1.001) == []
     (said,) = sound_notes(nonlinear, 1.0, 0.0, 0.4, 1.2)
     assert said.startswith("heat is that of the stated power times 0.4, but nonlinear sound of that other power")
+
+
+def test_heat_of_a_modulated_beam_of_nonlinear_sound():
+    """A share of that at its strongest: exact where heat goes with the power, and where the beam is on or off."""
+    linear = discretise(read_experiment(shipped("suomi2016_experiment")).model())
+    nonlinear = dataclasses.replace(linear, march=MarchSettings(n_harmonics=16))
+    sine, square = MonitoringSection(), MonitoringSection(modulation="square", duty_cycle=0.3)
+    assert modulation_notes(linear, sine) == modulation_notes(nonlinear, square) == []
+    assert modulation_notes(nonlinear, MonitoringSection(probe="push")) == []
+    (said,) = modulation_notes(nonlinear, sine)
+    assert said.startswith("heat is that of the beam at its strongest times the mean of its modulation, 0.5, but")
+
+
+def test_walls_that_cool_the_focus():
+    """Said of a push's heating up to its temperature only."""
+    shape = (3, 4, 5)
+    warm = jnp.full(shape, 37.0)
+    heating = Heating(
+        jnp.arange(3.0), jnp.asarray([37.0, 50.0, 70.0]), warm.at[2, 1, -1].add(2.0), warm, jnp.asarray(1.0)
+    )
+    assert heated_border_notes(heating, 50.0) == border_notes(0.5) == []
+    assert heated_border_notes(heating, 60.0) == heated_border_notes(heating, 70.0) == border_notes(2.0)
+    assert border_notes(2.0)[0].startswith("the border of the grid warms by 2.0 K beside walls that are held")
 
 
 def test_boiling():

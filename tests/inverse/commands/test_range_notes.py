@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from arfjax import DamageEdge, InputError, SonicationResult, TransientResult, discretise, read_experiment
+from arfjax.experiment.monitoring import MonitoringSection
 from arfjax.thermal.feedback import Effort
 from arfjax.thermal.lesion import LesionSize
 from inverse.commands import monitor, notes, vary
@@ -69,6 +70,16 @@ def test_monitor_says_so(tmp_path, monkeypatch):
     assert "lesion.viscoelasticity.branch_modulus: extrapolated to 91 degC" in report
     assert "heat is followed over 760 s without blood flow" in report
     assert "narrow for waves as long as at 0.2 MHz" in report
+    assert "the border of the grid warms by 54.0 K" in report
+
+
+def test_monitor_takes_its_start_for_reached_whatever_rounding_says():
+    """What the thermocouple shows is a mean over cells: 37.000000000000014 degC where all are at 37."""
+    at_37 = DESCRIBED.model_copy(update={"monitoring": MonitoringSection(normalised_at_c=37.0)})
+    assert monitor._reference(at_37, np.array([np.nextafter(37.0, 40.0), 60.0, 50.0])) == 37.0
+    for course in ([37.1, 60.0], [35.0, 36.0]):
+        with pytest.raises(InputError, match="name a temperature in between"):
+            monitor._reference(at_37, np.array(course))
 
 
 @pytest.mark.parametrize(("protocol", "hottest"), [("stepwise", 80.0), ("transient", 91.0)])
@@ -81,7 +92,8 @@ def test_vary_says_so_of_the_central_run(protocol, hottest, tmp_path, monkeypatc
         # It rises and falls in the first run alone, that of the central constants.
         course = np.array([37.0, 50.0, hottest, 45.0]) if task.temperatures is None else task.temperatures
         hotter = np.linspace(0.0, 5.0, len(factors))[:, None]
-        return {"focal_temperature": course + hotter, "lesion_length": 1e-3 * (course + hotter > 60.0)}
+        lesion, border = 1e-3 * (course + hotter > 60.0), np.linspace(1.0, 2.0, len(factors))
+        return {"focal_temperature": course + hotter, "lesion_length": lesion, "border_rise": border}
 
     def written(folder, data, task):
         del folder, data
@@ -94,5 +106,6 @@ def test_vary_says_so_of_the_central_run(protocol, hottest, tmp_path, monkeypatc
     call = ["vary", str(tmp_path / "e.toml"), "--out", str(tmp_path / "out"), "--protocol", protocol, "--samples", "2"]
     assert run(call) == 2
     assert len(told(found, "with the central constants, liver.attenuation: extrapolated to ")) == 1
+    assert len(told(found, "the border of the grid warms by 1.0 K")) == 1
     (said,) = told(found, "lesion.viscoelasticity.branch_modulus")
     assert said.startswith("with the central constants, ") and said.endswith(f"to {hottest:g} degC")

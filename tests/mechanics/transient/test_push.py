@@ -384,5 +384,7 @@ def test_nonsense_settings_are_refused():
         )
     with pytest.raises(ValueError, match="spectral_radius"):
         PushSettings(time_step=1e-5, n_steps=4, push_duration=5e-4, spectral_radius=1.5)
+    with pytest.raises(InputError, match="must be positive"):
+        PushSettings(float("nan"), 10)
     with pytest.raises(ValueError, match="must be positive"):
         PushSettings(time_step=0.0, n_steps=4, push_duration=5e-4)
