@@ -368,7 +368,8 @@ def _time_of(heating: Heating, temperature: Scalar) -> Array:
     """When the focus reaches a temperature; it rises all the time, because the source is constant."""
     course = heating.focal_temperature
     if not isinstance(course, Tracer):
-        _require_reached(temperature, float(course[0]), float(course[-1]))
+        start, *_, final = np.asarray(course)  # by NumPy, because within `jit` JAX would trace the two
+        _require_reached(temperature, float(start), float(final))
     return jnp.interp(jnp.asarray(temperature), course, heating.time)
 
 

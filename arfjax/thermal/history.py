@@ -1,5 +1,6 @@
 """What a course of temperature must be, as far as it is concrete; traced ones pass."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -36,8 +37,11 @@ def require_course(
         InputError: what was found.
     """
     require_times(time, len(temperature))
-    if not isinstance(temperature, Tracer) and np.any(np.asarray(temperature[:1]) > _HOTTEST_START):
+    if isinstance(temperature, Tracer):
+        return
+    with jax.ensure_compile_time_eval():  # within `jit`, a part of what is concrete would else be traced
+        start = np.asarray(temperature[:1])
+    if np.any(start > _HOTTEST_START):
         raise InputError(
-            f"`temperature` starts at {np.max(np.asarray(temperature[0])):g} degC, which no tissue does. Kelvin? "
-            "Subtract 273.15."
+            f"`temperature` starts at {np.max(start):g} degC, which no tissue does. Kelvin? Subtract 273.15."
         )

@@ -342,6 +342,8 @@ def test_temperatures_that_the_sonication_never_reaches_are_refused(model, proto
             with pytest.raises(arfjax.InputError, match="from 35 to 70 degC and never to all of"):
                 run(model, jnp.asarray([40.0, outside]), protocol, coarse, heating=heating)
     assert float(lesion_at(model, heating, 70.0 + 1e-9, coarse).length) == 0.0
+    held = jax.jit(lambda temperature: lesion_at(model, heating, temperature, coarse).length)
+    assert float(held(jnp.asarray(80.0))) == 0.0
 
 
 def test_a_drive_that_does_not_heat_is_refused(model, protocol, coarse):

@@ -111,9 +111,8 @@ def test_courses_that_are_none_are_refused():
         require_times(np.asarray([0.0, 20.0]), 3)
     # What runs away is not a matter of units, and traced times are not looked at.
     assert float(cumulative_equivalent_minutes(np.asarray([37.0, 400.0]), np.asarray([0.0, 1.0]))[-1]) > 1e100
-    falling = jax.jit(lambda time: cumulative_equivalent_minutes(np.full(3, 50.0), time))(
-        jnp.asarray([0.0, 20.0, 10.0])
-    )
+    course = jnp.full(3, 50.0)
+    falling = jax.jit(lambda time: cumulative_equivalent_minutes(course, time))(jnp.asarray([0.0, 20.0, 10.0]))
     assert float(falling[2]) < float(falling[1])
 
 
