@@ -4,9 +4,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from arfjax.errors import InputError, lies_within
-
-_LARGEST = 10.0  # m, far beyond any tissue
+from arfjax.errors import InputError
 
 
 class AxisymmetricGrid(eqx.Module):
@@ -23,15 +21,10 @@ class AxisymmetricGrid(eqx.Module):
     z_faces: Float[np.ndarray, " n_z_faces"]
 
     def __check_init__(self) -> None:
-        """Refuse faces that are not ascending, do not start on the axis, or must be in millimetres."""
+        """Refuse faces that are not ascending or do not start on the axis."""
         for name, faces in (("r_faces", self.r_faces), ("z_faces", self.z_faces)):
             if len(faces) < 2 or not np.all(np.diff(faces) > 0.0):
                 raise InputError(f"`{name}` must hold at least two ascending positions [m], got {faces}.")
-            if not lies_within(faces, -_LARGEST, _LARGEST):
-                raise InputError(
-                    f"`{name}` from {faces[0]:g} to {faces[-1]:g} m reach beyond {_LARGEST:g} m. Millimetres? "
-                    "Pass metres."
-                )
         if self.r_faces[0] != 0.0:
             raise InputError(f"`r_faces` must start on the axis at 0 m, got {self.r_faces[0]} m.")
 

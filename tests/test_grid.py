@@ -28,12 +28,6 @@ def test_impossible_faces_are_refused(r_faces, z_faces):
         AxisymmetricGrid(np.asarray(r_faces), np.asarray(z_faces))
 
 
-def test_millimetres_are_refused():
-    for r, z in (([0.0, 20.0], [0.0, 0.1]), ([0.0, 0.02], [40.0, 85.0])):
-        with pytest.raises(InputError, match="Millimetres"):
-            AxisymmetricGrid(np.asarray(r), np.asarray(z))
-
-
 @pytest.mark.parametrize("centre", [0.0, 0.3, 1.0])
 def test_graded_positions(centre):
     positions = graded_positions(0.0, 1.0, centre, finest=0.01, growth=1.2, coarsest=0.1)

@@ -24,6 +24,7 @@ from arfjax.thermal.bioheat import (
     Phase,
     ThermalField,
     Walls,
+    border_rise,
     focal_temperature,
     on_axis,
     solve_bioheat,
@@ -384,3 +385,13 @@ def test_no_step_is_too_long(time_step):
     rises = march(operator, jnp.zeros(grid.shape), rough, time_step, 200)
     content = jnp.einsum("rz,trz->t", capacity, rises**2) / jnp.sum(capacity * rough**2)
     assert float(content.max()) < 1.0 and float(content[-1]) < float(content[0])
+
+
+@pytest.mark.parametrize("cell", [(2, 1), (0, 0), (1, 3)])
+def test_rise_of_the_border_is_the_largest_beside_a_wall(cell):
+    """Beyond the last radius, before the first and behind the last position; the axis is no wall."""
+    temperature = np.full((3, 3, 4), 37.0)
+    temperature[1:, :2, 1:3] += 40.0
+    assert border_rise(temperature) == 0.0
+    temperature[1, *cell] -= 2.0
+    assert border_rise(temperature) == pytest.approx(2.0)

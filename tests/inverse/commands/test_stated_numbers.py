@@ -336,10 +336,6 @@ def test_times_that_are_shown_of_a_sonication():
     assert sonicate.shown_times(data) == [6.0, 18.0, 36.0, 60.0, 68.0, 100.0]
     rising = data.assign(peak_temperature=("heating_time", time))
     assert sonicate.shown_times(rising) == [10.0, 30.0, 60.0, 100.0]
-    temperature = np.arange(24.0).reshape(2, 3, 4)
-    outer, near, far = sonicate._edges(temperature)
-    np.testing.assert_array_equal(outer, temperature[:, 2, :])
-    np.testing.assert_array_equal([near, far], [temperature[:, :, 0], temperature[:, :, 3]])
 
 
 @pytest.fixture(scope="module")
