@@ -19,9 +19,9 @@ from arfjax import (
 from inverse.datasets.hmi import HmiData
 
 _FALL = 2.0
-"""Fall of the temperature within a sonication that a thermometer's noise may explain [K]; a diagnosis has the same."""
+"""Fall of the temperature within a sonication that a thermometer's noise may explain [K]."""
 _STILL = 0.02
-"""Part of the sonication after its end in which a reading is taken for one at the end; a diagnosis has the same."""
+"""Part of the sonication after its end in which a reading is still taken for one at the end."""
 
 
 class Sweep(eqx.Module):
@@ -47,8 +47,6 @@ class Sweep(eqx.Module):
 def require_heating(data: HmiData, duration: float) -> None:
     """Refuse readings while it cools: the state that belongs to a temperature is that of the heating.
 
-    Readings without a temperature are looked at by `plan_sweeps`.
-
     Args:
         data: What was measured.
         duration: Of the sonications [s].
@@ -56,28 +54,45 @@ def require_heating(data: HmiData, duration: float) -> None:
     Raises:
         InputError: if the temperature falls within a sonication, or a time lies after its end.
     """
+    require_no_fall(data)
+    require_during(data, duration)
+
+
+def require_no_fall(data: HmiData) -> None:
+    """Refuse temperatures that fall within a sonication.
+
+    Raises:
+        InputError: if there are any.
+    """
     if data.temperature is None:
         return
     for label in data.labels:
-        _require_no_fall(data, label)
-    late = [] if data.time is None else np.flatnonzero(data.time > (1.0 + _STILL) * duration)
-    if data.time is not None and len(late):
-        raise InputError(
-            f"{data.place(int(late[0]))}: {data.time[late[0]]:g} s is after the sonication's end at {duration:g} s; "
-            "change `protocol.sonication_s` in the experiment file, or leave out what was read later."
-        )
-
-
-def _require_no_fall(data: HmiData, label: str) -> None:
-    rows = data.rows_of(label)
-    temperature = np.asarray(data.temperature)[rows]
-    fallen = np.flatnonzero(temperature < np.maximum.accumulate(temperature) - _FALL)
-    if fallen.size:
+        rows = data.rows_of(label)
+        temperature = np.asarray(data.temperature)[rows]
+        fallen = np.flatnonzero(temperature < np.maximum.accumulate(temperature) - _FALL)
+        if not fallen.size:
+            continue
         first = int(fallen[0])
         order = "" if data.time is not None else ", or sort the rows by temperature if all are of the heating"
         raise InputError(
             f"{data.place(rows[first])}: {temperature[first]:g} degC after {np.max(temperature[:first]):g} in "
             f"sonication {label}; a curve is that of the heating: leave out readings while it cools{order}."
+        )
+
+
+def require_during(data: HmiData, duration: float) -> None:
+    """Refuse readings after the sonication's end [s].
+
+    Raises:
+        InputError: if there are any.
+    """
+    if data.time is None:
+        return
+    late = np.flatnonzero(data.time > (1.0 + _STILL) * duration)
+    if late.size:
+        raise InputError(
+            f"{data.place(int(late[0]))}: {data.time[late[0]]:g} s is after the sonication's end at {duration:g} s; "
+            "change `protocol.sonication_s` in the experiment file, or leave out what was read later."
         )
 
 

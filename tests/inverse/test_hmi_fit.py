@@ -11,7 +11,6 @@ from arfjax import InputError, discretise, read_experiment, run_stepwise
 from inverse import hmi_fit, hmi_model
 from inverse.datasets.hmi import HmiData
 from inverse.datasets.shipped import shipped
-from inverse.diagnosis.hmi import courses
 from inverse.hmi_fit import AttenuationPrior, CalibrationSettings, constants_of, fit_hmi
 from inverse.hmi_model import plan_sweeps, predict, require_heating
 from inverse.hmi_problem import hmi_problem
@@ -312,9 +311,8 @@ COOLING = np.asarray([40.0, 50.0, 72.0, 71.0, 60.0])
 TIMES = np.asarray([5.0, 20.0, 60.0, 61.0, 75.0])
 
 
-def test_readings_while_it_cools_are_refused_as_a_diagnosis_refuses_them(described, tmp_path):
+def test_readings_while_it_cools_are_refused(described, tmp_path):
     """The state of 60 degC while it cools is not that of 60 degC while it heats."""
-    assert (hmi_model._FALL, hmi_model._STILL) == (courses._FALL, courses._STILL)
     path, displacement = tmp_path / "x.csv", np.asarray([100.0, 98.0, 80.0, 79.0, 70.0])
     cooling = data_of(path, COOLING, displacement, None, time=TIMES)
     said = "row 5: 60 degC after 72 in sonication 1; .*leave out readings while it cools"

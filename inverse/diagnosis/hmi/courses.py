@@ -14,18 +14,13 @@ from arfjax.tissues import COAGULATION_WIDTH
 from inverse.datasets.hmi import HmiData
 from inverse.diagnosis.hmi.cause import OFF_AXIS_REACH, HmiConditions
 from inverse.diagnosis.hmi.chain import Course, reaching
-from inverse.hmi_model import plan_sweeps
+from inverse.hmi_model import plan_sweeps, require_no_fall
 from inverse.inference.hmi import SAME_TEMPERATURE_K
 
 _LEAST_RISE = 1e-6
 """Taken instead of less, so that it has a logarithm [K]."""
 _FALL_TERMS = 3
 """Terms of the fall of temperature beside the axis: within 3e-3 of the rise from the first second on."""
-
-_STILL = 0.02
-"""Part of the sonication after its end in which a reading is still taken for one at the end."""
-_FALL = 2.0
-"""Fall of the temperature within a sonication that a thermometer's noise may explain [K]."""
 
 _AGES = np.expm1(np.linspace(0.0, 8.0, 49)) / np.expm1(8.0)
 """Of the time since the start, at which the past of a state is kept: from a ten-thousandth of it on."""
@@ -81,7 +76,7 @@ def hmi_rows(data: HmiData, reference_temperature: float) -> HmiRows:
     Raises:
         InputError: if a displacement is not positive, or readings were taken while it cooled.
     """
-    _require_heating(data)
+    require_no_fall(data)
     measured = np.asarray(data.displacement, dtype=float)
     if not np.all(measured > 0.0):
         row = int(np.flatnonzero(~(measured > 0.0))[0])
@@ -107,24 +102,6 @@ def hmi_rows(data: HmiData, reference_temperature: float) -> HmiRows:
         reference[coldest] |= not np.any(reference[mine]) and measured[coldest] == 100.0
     missing = [number for number in range(len(data.labels)) if not np.any(reference[sonication == number])]
     return _with_references(rows, missing, reference_temperature)
-
-
-def _require_heating(data: HmiData) -> None:
-    """Refuse readings while it cools: dose and state of the tissue are those of the heating."""
-    if data.temperature is None:
-        return
-    for label in data.labels:
-        mine = data.rows_of(label)
-        temperature = np.asarray(data.temperature)[mine]
-        fallen = np.flatnonzero(temperature < np.maximum.accumulate(temperature) - _FALL)
-        if not fallen.size:
-            continue
-        row, hottest = int(fallen[0]), float(np.max(temperature[: fallen[0]]))
-        order = "" if data.time is not None else ", or sort the rows by temperature if all are of the heating"
-        raise InputError(
-            f"{data.place(mine[row])}: {temperature[row]:g} degC after {hottest:g} in sonication {label}; a "
-            f"diagnosis knows readings while the focus heats: leave out those while it cools{order}."
-        )
 
 
 def _with_references(rows: HmiRows, missing: list[int], temperature: float) -> HmiRows:
@@ -161,7 +138,7 @@ def plan_courses(
         reference_temperature: At which curves in percent are 100 [degC].
 
     Raises:
-        InputError: if temperatures lie below the protocol's start; see `require_during` for its end.
+        InputError: if temperatures lie below the protocol's start; see `inverse.hmi_model.require_during` for its end.
     """
     courses, time, lateness, dose = [], rows.time.copy(), np.full(len(rows), np.nan), np.zeros(len(rows))
     temperature = rows.temperature.copy()
@@ -187,20 +164,6 @@ def plan_courses(
         courses.append(Course(sweep.protocol, conditions, mine, places.ravel(), sweep.in_time))
     found = dataclasses.replace(rows, time=time, temperature=temperature, lateness=lateness, dose=dose)
     return tuple(courses), found
-
-
-def require_during(data: HmiData, rows: HmiRows, duration: float) -> None:
-    """Refuse readings after the sonication's end.
-
-    Raises:
-        InputError: if there are any.
-    """
-    late = np.flatnonzero(rows.time > (1.0 + _STILL) * duration)
-    if late.size:
-        raise InputError(
-            f"{data.place(int(rows.file_row[late[0]]))}: {rows.time[late[0]]:g} s is after the sonication's end at "
-            f"{duration:g} s; change `protocol.sonication_s` in the experiment file, or leave out what was read later."
-        )
 
 
 def _conditions(

@@ -15,7 +15,7 @@ from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.cause import HmiCause
 from inverse.diagnosis.hmi.causes import HMI_CAUSES
-from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows, require_during
+from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows
 from inverse.diagnosis.hmi.examination import Refits, examine_hmi
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.gain import held_out_gain_hmi
@@ -34,7 +34,7 @@ from inverse.diagnosis.level import require_level
 from inverse.diagnosis.noise import Noise
 from inverse.diagnosis.outlying import outlying, said_of
 from inverse.diagnosis.where import Axis
-from inverse.hmi_model import plan_sweeps
+from inverse.hmi_model import plan_sweeps, require_during
 from inverse.inference.experiment import InferenceSettings, inference_settings
 from inverse.precision import require_double_precision
 
@@ -177,7 +177,7 @@ def require_diagnosable(data: HmiData, described: Experiment, name: str = "exper
     data, settings = data.without_copies(), inference_settings(described, name)
     rows, protocol = hmi_rows(data, settings.reference_temperature_c), described.stepwise()
     plan_sweeps(data, protocol, settings.reference_temperature_c)
-    require_during(data, rows, protocol.duration)
+    require_during(data, protocol.duration)
     _require_enough(data, rows, len(free_constants(described, settings).names))
     return settings
 

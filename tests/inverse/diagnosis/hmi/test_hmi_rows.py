@@ -9,13 +9,14 @@ from arfjax import InputError, discretise, simulate_heating
 from inverse.datasets.hmi import read_hmi
 from inverse.diagnosis.free_forms import LOCAL_WIDTHS
 from inverse.diagnosis.hmi.account import HmiAccount
-from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows, plan_courses, require_during
+from inverse.diagnosis.hmi.courses import HmiRows, hmi_rows, plan_courses
 from inverse.diagnosis.hmi.diagnosis import _axes
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.free_forms import _shared, _taken_at, hmi_free_forms, hmi_local_forms, of_all_data
 from inverse.diagnosis.hmi.prepare import _notes
 from inverse.diagnosis.hmi.refit import fit_hmi
 from inverse.diagnosis.where import Absorbed
+from inverse.hmi_model import require_during
 from tests.inverse.diagnosis.hmi.cases import TEMPERATURES, bare, curves, white
 
 
@@ -99,7 +100,7 @@ def test_times_after_the_sonication_are_refused_and_those_that_disagree_are_told
     def planned(time):
         data = curves(np.full(len(TEMPERATURES), 97.0), time)
         rows = hmi_rows(data, 37.0)
-        require_during(data, rows, protocol.duration)
+        require_during(data, protocol.duration)
         return plan_courses(data, rows, model, protocol, coarse, 37.0)[1]
 
     simulated = planned(None)
