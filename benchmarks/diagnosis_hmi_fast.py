@@ -83,7 +83,7 @@ def _one_set(about: Design, condition: Condition, seed: int) -> dict[str, Any]:
     causes = [one for one in about.alternatives if one.name != removed]
     data, fitted = _drawn(about, condition, seed, rng), about.fitted
     if condition.noise.removesuffix(NEAR) != UNDERSTATED:
-        data, fitted = _weighed(data, fitted, about.family[0], causes)
+        data, fitted = _weighed(data, fitted, about.family, causes)
     basis = np.linalg.qr(unit_columns(fitted))[0]
     left = data - basis @ (basis.T @ data)
     found = decide(left, fitted, causes, about.free_forms, about.family, rng, few=True, local_forms=about.local_forms)
@@ -121,11 +121,11 @@ def _drawn(about: Design, condition: Condition, seed: int, rng: np.random.Genera
 def _weighed(
     data: Float[np.ndarray, " datum"],
     fitted: Float[np.ndarray, "datum p"],
-    white: Noise,
+    family: Sequence[Noise],
     causes: Sequence[Alternative],
 ) -> tuple[Float[np.ndarray, " datum"], Float[np.ndarray, "datum p"]]:
     """Data and directions with beliefs weighed against the noise that a diagnosis finds, of which nobody tells it."""
-    belief, size = np.arange(len(data)) >= len(data) - white.beliefs, blind.NOISE
+    belief, size = np.arange(len(data)) >= len(data) - family[0].beliefs, blind.NOISE
 
     def against(size: float):
         weights = np.where(belief, size / blind.NOISE, 1.0)
@@ -133,8 +133,8 @@ def _weighed(
 
     for _ in range(_FITS):
         weighed, directions = against(size)
-        size = Screen(directions, (), [white]).of_readings(weighed)[0]
-    return against(size_beside_effect(*against(size), white, causes, size))
+        size = Screen(directions, (), family[:1]).of_readings(weighed)[0]
+    return against(size_beside_effect(*against(size), family, causes, size))
 
 
 def _nameless(about: Design, name: str, rng: np.random.Generator) -> Float[np.ndarray, " datum"]:

@@ -388,7 +388,7 @@ def test_beliefs_of_linear_sets_weigh_against_the_noise_that_is_found(looked_for
     about, condition = linear_design(), diagnosis_hmi.Condition("known", "output-drift", 15.0)
     data = diagnosis_hmi_fast._drawn(about, condition, 5, np.random.default_rng(5))
     causes = [one for one in about.alternatives if looked_for or one.name != "output-drift"]
-    weighed, fitted = diagnosis_hmi_fast._weighed(data, about.fitted, about.family[0], causes)
+    weighed, fitted = diagnosis_hmi_fast._weighed(data, about.fitted, about.family, causes)
     np.testing.assert_array_equal(weighed[:-1], data[:-1])
     np.testing.assert_array_equal(fitted[:-1], about.fitted[:-1])
     factor = weighed[-1] / data[-1]

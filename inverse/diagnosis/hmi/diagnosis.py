@@ -10,7 +10,7 @@ from arfjax import Discretisation, Effort, Experiment, InputError
 from inverse.datasets.hmi import HmiData
 from inverse.diagnosis.cause import require_causes
 from inverse.diagnosis.diagnosis import Diagnosis, conclude, failed
-from inverse.diagnosis.examination import FullFit
+from inverse.diagnosis.examination import FullFit, visible_alternatives
 from inverse.diagnosis.gain import Gain
 from inverse.diagnosis.hmi.account import HmiAccount
 from inverse.diagnosis.hmi.cause import HmiCause
@@ -224,24 +224,32 @@ def _fitted(
         null = dataclasses.replace(null, problem=null.problem.trusted(null.unknowns, size))
         null = again_from(null, white, size)
         if problem.rows.deviation is None:
+            # Readings that are trusted less have changed the unit: once more, with priors weighed in the new one.
             size = noise_size(null)
+            null = again_from(null, white, size)
     if problem.rows.deviation is None and null.converged:
-        null, size = _beside_effect(null, causes, white, size, corrected)
+        null, size, said = _beside_effect(null, causes, size, corrected)
+        remarks = (*remarks, *said)
     return null, size, (*remarks, *fit_remarks(null))
 
 
 def _beside_effect(
-    null: HmiFit, causes: Sequence[HmiCause], white: Noise, size: float, corrected: bool
-) -> tuple[HmiFit, float]:
-    """The fit with priors weighed against the noise that is beside an effect, if the data have one; the noise."""
-    names = {cause.name for cause in causes}
-    effects = [one for one in null.problem.alternatives(null.unknowns, null.directions, size) if one.name in names]
-    smaller = size_beside_effect(null.residuals, null.directions, white, effects, size)
+    null: HmiFit, causes: Sequence[HmiCause], size: float, corrected: bool
+) -> tuple[HmiFit, float, tuple[str, ...]]:
+    """The fit with priors weighed against the noise beside an effect, if there is one; the noise; what is to be said."""
+    names, family, spread = {cause.name for cause in causes}, null.problem.noise_family(), noise_size(null)
+    found = [a for a in null.problem.alternatives(null.unknowns, null.directions, spread) if a.name in names]
+    seen, _ = visible_alternatives(found, null.residuals, null.directions, spread, causes)
+    smaller = size_beside_effect(null.residuals, null.directions, family, seen, size)
     if smaller == size:
-        return null, size
+        return null, size, ()
     problem = null.problem.trusted(null.unknowns, smaller) if corrected else null.problem
-    again = (fit_in_full if corrected else fit_hmi)(problem, (), white, size=smaller, start=null.unknowns)
-    return (again, smaller) if again.converged else (null, size)
+    fit = fit_in_full if corrected else fit_hmi
+    again = fit(problem, (), family[0], size=smaller, start=null.unknowns)
+    if again.converged:
+        return again, smaller, ()
+    unmoved = f"Priors weigh against all residuals, an effect included: beside it the fit failed ({again.status})."
+    return null, size, (unmoved,)
 
 
 def _disagreement(null: HmiFit, other: HmiFit, chosen: HmiFit) -> tuple[str, ...]:

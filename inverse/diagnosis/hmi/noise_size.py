@@ -31,40 +31,43 @@ def noise_size(fit: HmiFit) -> float:
 def size_beside_effect(
     residuals: Float[np.ndarray, " datum"],
     directions: Float[np.ndarray, "datum p"],
-    white: Noise,
+    family: Sequence[Noise],
     effects: Sequence[Alternative],
     size: float,
 ) -> float:
     """Standard deviation of what the likeliest single effect leaves of the readings, in units of the weights.
 
-    By turns with how firmly priors of that size hold the constants, in the linearised model.
+    By turns with how firmly priors of that size hold the constants, in the linearised model, until it falls no more.
 
     Args:
-        residuals: Of a fit without causes: of readings, then of beliefs.
+        residuals: Of a fit without causes in white noise: of readings, then of beliefs.
         directions: Derivative in all that was fitted.
-        white: The noise that it was weighed with.
+        family: Noise that there may be, white first: what correlated noise may do is no effect.
         effects: Of causes about it.
         size: That its beliefs are weighed against.
 
     Returns:
         The size, or `size` where that is not larger or noise alone may well look so.
     """
-    readings, found = len(residuals) - white.beliefs, size
+    readings, found = len(residuals) - family[0].beliefs, size
     for _ in range(_MOST_TURNS):
         weighed = np.where(np.arange(len(residuals)) < readings, 1.0, found / size)
-        left = _beside_likeliest(Screen(weighed[:, None] * directions, effects, [white]), weighed * residuals)
+        left = _beside_likeliest(weighed * residuals, weighed[:, None] * directions, family, effects)
         if left >= (1.0 - _SETTLED) * found:
             break
         found = left
     return found
 
 
-def _beside_likeliest(screen: Screen, residuals: Float[np.ndarray, " datum"]) -> float:
-    tests, size = screen.statistics(residuals[:, None]), screen.of_readings(residuals)[0]
-    if not len(tests.log_p):
-        return size
-    best = int(np.argmin(tests.log_p[:, 0]))
-    if tests.log_p[best, 0] + np.log(len(tests.log_p)) > np.log(_SELDOM):
-        return size
-    # Of the sum of squares t^2 / (t^2 + freedom - 1) goes with the effect, and one degree of freedom.
-    return size * float(np.sqrt(screen.freedom / (tests.statistic[best, 0] ** 2 + screen.freedom - 1.0)))
+def _beside_likeliest(
+    residuals: Float[np.ndarray, " datum"],
+    directions: Float[np.ndarray, "datum p"],
+    family: Sequence[Noise],
+    effects: Sequence[Alternative],
+) -> float:
+    screen = Screen(directions, effects, family)
+    log_p = screen.statistics(residuals[:, None]).log_p[:, 0]
+    if len(log_p) and np.min(log_p) + np.log(len(log_p)) <= np.log(_SELDOM):
+        likeliest = screen.alternatives[int(np.argmin(log_p))]
+        directions = np.append(directions, likeliest.directions, axis=1)
+    return Screen(directions, (), family[:1]).of_readings(residuals)[0]

@@ -10,6 +10,7 @@ from inverse.diagnosis.hmi import diagnosis as hmi_diagnosis
 from inverse.diagnosis.hmi.diagnosis import diagnose_curves
 from inverse.diagnosis.hmi.noise_size import noise_size, size_beside_effect
 from inverse.diagnosis.hmi.refit import again_from, fit_hmi
+from inverse.diagnosis.screening import Screen
 from tests.inverse.diagnosis.hmi.cases import measured_with, white
 
 NOISE = 0.005
@@ -27,7 +28,7 @@ def fitted_in_its_own_noise(problem, name, strength, **given):
 
 
 def beside(fit, effects, size):
-    return size_beside_effect(fit.residuals, fit.directions, white(fit.problem), effects, size)
+    return size_beside_effect(fit.residuals, fit.directions, fit.problem.noise_family(), effects, size)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -37,6 +38,24 @@ def test_noise_alone_is_as_large_as_its_residuals(problem, seed):
     assert beside(fit, effects, size) == pytest.approx(size, rel=0.02)
     # Of some twenty readings to spare, four standard errors.
     assert size == pytest.approx(NOISE, rel=4.0 / np.sqrt(2.0 * fit.freedom))
+
+
+def test_correlated_noise_is_no_effect(problem):
+    """Of 40 draws of noise alone, one in which it is found has a probability of 1 % each, more than three of 1e-3."""
+    fit, effects, size = fitted_in_its_own_noise(problem, None, 0.0, seed=1)
+    rng, smaller = np.random.default_rng(8), 0
+    for _ in range(40):
+        drawn = np.zeros(len(fit.residuals))
+        drawn[: len(fit.of_readings)] = size * rng.standard_normal(len(fit.of_readings))
+        for row in range(1, len(fit.of_readings)):
+            drawn[row] = drawn[row] if row == 13 else 0.8 * drawn[row - 1] + 0.6 * drawn[row]
+        drawn[len(fit.of_readings) :] = size * rng.standard_normal(len(drawn) - len(fit.of_readings))
+        spread = Screen(fit.directions, (), [white(fit.problem)]).of_readings(drawn)[0]
+        looked = dataclasses.replace(fit, residuals=drawn)
+        alone = beside(looked, (), size)
+        smaller += beside(looked, effects, size) < 0.98 * alone
+        assert alone <= max(size, spread)
+    assert smaller <= 3
 
 
 @pytest.mark.parametrize("strength", [1.0, 1.5])

@@ -35,7 +35,7 @@ def test_which_is_used(monkeypatch, first, second, used, said):
     fits = [bare(HmiFit, misfit=m, converged=c, problem=problem, unknowns=None) for m, c in (first, second)]
     monkeypatch.setattr(diagnosis, "fit_hmi", lambda *_, start=None, **__: fits[0 if start is None else 1])
     monkeypatch.setattr(diagnosis, "fit_remarks", lambda _: ())
-    monkeypatch.setattr(diagnosis, "_beside_effect", lambda null, _, __, size, ___: (null, size))
+    monkeypatch.setattr(diagnosis, "_beside_effect", lambda null, _, size, __: (null, size, ()))
     found, _, remarks = diagnosis._fitted(problem, (), False, 0, lambda _: None)
     assert found is fits[used]
     assert (said in remarks[0]) if said else remarks == ()
