@@ -236,7 +236,7 @@ def _fitted(
 def _beside_effect(
     null: HmiFit, causes: Sequence[HmiCause], size: float, corrected: bool
 ) -> tuple[HmiFit, float, tuple[str, ...]]:
-    """The fit with priors weighed against the noise beside an effect, if there is one; the noise; what is to be said."""
+    """The fit with priors weighed against the noise beside an effect, if it has one; the noise; what is said of it."""
     names, family, spread = {cause.name for cause in causes}, null.problem.noise_family(), noise_size(null)
     found = [a for a in null.problem.alternatives(null.unknowns, null.directions, spread) if a.name in names]
     seen, _ = visible_alternatives(found, null.residuals, null.directions, spread, causes)
