@@ -10,7 +10,8 @@ from inverse.diagnosis.hmi import diagnosis as hmi_diagnosis
 from inverse.diagnosis.hmi.diagnosis import diagnose_curves
 from inverse.diagnosis.hmi.noise_size import noise_size, size_beside_effect
 from inverse.diagnosis.hmi.refit import again_from, fit_hmi
-from inverse.diagnosis.screening import Screen
+from inverse.diagnosis.noise import noise_family, series
+from inverse.diagnosis.screening import Alternative
 from tests.inverse.diagnosis.hmi.cases import measured_with, white
 
 NOISE = 0.005
@@ -31,7 +32,7 @@ def beside(fit, effects, size):
     return size_beside_effect(fit.residuals, fit.directions, fit.problem.noise_family(), effects, size)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [4, 5, 6])  # the level of 1 % was chosen on 1 to 3
 def test_noise_alone_is_as_large_as_its_residuals(problem, seed):
     fit, effects, size = fitted_in_its_own_noise(problem, None, 0.0, seed=seed)
     # Priors are weighed by turns with it: what changes is less than a turn.
@@ -40,22 +41,25 @@ def test_noise_alone_is_as_large_as_its_residuals(problem, seed):
     assert size == pytest.approx(NOISE, rel=4.0 / np.sqrt(2.0 * fit.freedom))
 
 
-def test_correlated_noise_is_no_effect(problem):
-    """Of 40 draws of noise alone, one in which it is found has a probability of 1 % each, more than three of 1e-3."""
-    fit, effects, size = fitted_in_its_own_noise(problem, None, 0.0, seed=1)
-    rng, smaller = np.random.default_rng(8), 0
-    for _ in range(40):
-        drawn = np.zeros(len(fit.residuals))
-        drawn[: len(fit.of_readings)] = size * rng.standard_normal(len(fit.of_readings))
-        for row in range(1, len(fit.of_readings)):
-            drawn[row] = drawn[row] if row == 13 else 0.8 * drawn[row - 1] + 0.6 * drawn[row]
-        drawn[len(fit.of_readings) :] = size * rng.standard_normal(len(drawn) - len(fit.of_readings))
-        spread = Screen(fit.directions, (), [white(fit.problem)]).of_readings(drawn)[0]
-        looked = dataclasses.replace(fit, residuals=drawn)
-        alone = beside(looked, (), size)
-        smaller += beside(looked, effects, size) < 0.98 * alone
-        assert alone <= max(size, spread)
-    assert smaller <= 3
+def test_correlated_noise_is_no_effect():
+    """Of 100 draws of noise alone one in a hundred may pass; white noise alone asked, correlated noise passes often."""
+    count = 40
+    position, rng = np.linspace(0.0, 1.0, count), np.random.default_rng(8)
+    directions = np.append(np.ones((count, 1)), [[0.0]], axis=0)
+    directions = np.append(directions, np.append(position, 1.0)[:, None], axis=1)
+    waves = [np.append(np.cos(np.pi * k * position), 0.0)[:, None] for k in range(2, 10)]
+    effects = [Alternative(f"wave-{number}", wave) for number, wave in enumerate(waves)]
+    family = [one.extended(1) for one in noise_family((series("time", [0] * count, position),), 37.0 + 40.0 * position)]
+    found = {"all": 0, "white": 0}
+    for _ in range(100):
+        drawn = rng.standard_normal(count + 1)
+        for row in range(1, count):
+            drawn[row] = 0.8 * drawn[row - 1] + 0.6 * drawn[row]
+        for name, asked in (("all", family), ("white", family[:1])):
+            alone = size_beside_effect(drawn, directions, asked, (), 2.0)
+            found[name] += size_beside_effect(drawn, directions, asked, effects, 2.0) < 0.98 * alone
+    # Nine or more of 1 % have a probability of 1e-5, of 3 % (few data tell the noise badly) of 4e-3.
+    assert found["all"] <= 8 and found["white"] >= 20
 
 
 @pytest.mark.parametrize("strength", [1.0, 1.5])
