@@ -28,13 +28,16 @@ from inverse.dma_fit import CONVENTIONAL, FRACTIONAL, ZenerModel
 from inverse.figures.diagnosis import diagnosis_figure
 from inverse.figures.hmi_diagnosis import hmi_diagnosis_figure
 from inverse.figures.residuals import residuals_figure
-from inverse.output import output_directory, write_figures, write_json
+from inverse.output import figure_files, output_directory, write_figures, write_json
 from inverse.precision import require_double_precision
 from inverse.resolution import diagnosed_as_measured
 from inverse.seeds import HIGHEST_SEED
 
 MODELS = {"fractional": FRACTIONAL, "zener": CONVENTIONAL}
 """Null models by the names that users write."""
+CONTENT, _REPORT, _FIGURES = "diagnosis.json", "report.md", ("diagnosis", "residuals")
+FILES = (CONTENT, _REPORT, *figure_files(_FIGURES))
+"""That a diagnosis is written to."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,13 +77,14 @@ class Diagnosed:
     def write(self, folder: Path) -> None:
         """Write `diagnosis.json`, `report.md` and two figures (PNG and PDF) into a folder: all of them, or none."""
         with output_directory(folder) as whole:
-            write_json(whole / "diagnosis.json", self.content)
+            write_json(whole / CONTENT, self.content)
             of_hmi = isinstance(self.details.problem, HmiDiagnosisProblem)
             figure = (hmi_diagnosis_figure if of_hmi else diagnosis_figure)(self.details)
-            names = write_figures(whole, {"diagnosis": figure, "residuals": residuals_figure(self.details)})
+            figures = (figure, residuals_figure(self.details))
+            names = write_figures(whole, dict(zip(_FIGURES, figures, strict=True)))
             apart = in_words(self.design) if self.design else []
             words = report(self.details, self.name, names, apart=apart, remarks=self.remarks)
-            (whole / "report.md").write_text(words, encoding="utf-8")
+            (whole / _REPORT).write_text(words, encoding="utf-8")
 
 
 def diagnose(

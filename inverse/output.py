@@ -29,8 +29,9 @@ def output_directory(out: Path, *, replaces: Collection[str] = ()) -> Iterator[P
 
     Args:
         out: Where results go.
-        replaces: Files that an earlier run may have made and this one need not: beside the new results they would be
-            taken for theirs, and those that the block does not make again are removed.
+        replaces: Files in `out` that an earlier run may have made and this one need not: beside the new results they
+            would be taken for theirs, and those that the block does not make again are removed, with the folders in
+            `out` that they leave empty.
 
     Raises:
         InputError: if `out` is a file or cannot be written to.
@@ -46,12 +47,10 @@ def output_directory(out: Path, *, replaces: Collection[str] = ()) -> Iterator[P
     try:
         yield temporary
         _require_room(temporary, out)
-        made = {path.name for path in temporary.iterdir()}
+        earlier = [out / name for name in replaces if not (temporary / name).exists()]
         try:
             _move(temporary, out)
-            for earlier in (out / name for name in replaces if name not in made):
-                if earlier.is_file():
-                    earlier.unlink()
+            _remove(earlier, out)
         except OSError as error:
             raise _unwritable(out, error) from None
     finally:
@@ -80,6 +79,14 @@ def _move(source: Path, target: Path) -> None:
             _move(path, target / path.name)
         else:
             os.replace(path, target / path.name)
+
+
+def _remove(files: Iterable[Path], out: Path) -> None:
+    for path in files:
+        if path.is_file():
+            path.unlink()
+            if path.parent != out and not any(path.parent.iterdir()):
+                path.parent.rmdir()
 
 
 def recorded(files: Mapping[str, Path | None]) -> dict[str, dict[str, str]]:

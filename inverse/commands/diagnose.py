@@ -12,7 +12,7 @@ from inverse.commands.console import show_lines, show_table, staged_bar
 from inverse.datasets.dma import DmaData, read_dma, require_loss
 from inverse.datasets.hmi import read_hmi
 from inverse.design.report import percent
-from inverse.diagnosed import MODELS, Diagnosed, diagnose
+from inverse.diagnosed import CONTENT, FILES, MODELS, Diagnosed, diagnose
 from inverse.diagnosis.cause import Cause
 from inverse.diagnosis.choice import LIBRARIES, find_causes, names_in, require_known
 from inverse.diagnosis.dma.problem import usable_sweeps
@@ -91,7 +91,7 @@ def diagnose_command(
     _require_readable(dma, hmi, experiment, MODELS[model.value], trust_units)
     inputs = recorded({**parts, "experiment": experiment if hmi is not None else None})
     found: dict[str, Diagnosed] = {}
-    with output_directory(out) as folder:
+    with output_directory(out, replaces=_earlier(out)) as folder:
         for kind in parts:
             with staged_bar(f"diagnosing {kind}", STAGES[kind]) as show:
                 measured: dict[str, Any] = (
@@ -104,7 +104,7 @@ def diagnose_command(
         results = {
             kind: {
                 "verdict": one.verdict,
-                "diagnosis_sha256": sha256(folder / places[kind] / "diagnosis.json"),
+                "diagnosis_sha256": sha256(folder / places[kind] / CONTENT),
             }
             for kind, one in found.items()
         }
@@ -149,6 +149,12 @@ def require_fittable(file: Path, data: DmaData, model: ZenerModel) -> None:
 def _places(kinds: list[str]) -> dict[str, str]:
     """Folder of each diagnosis below the one that was asked for."""
     return {kind: kind if len(kinds) > 1 else "" for kind in kinds}
+
+
+def _earlier(out: Path) -> list[str]:
+    """Files of diagnoses that are there: of one file in the folder itself, of two in those below."""
+    there = [place for place in ("", *STAGES) if (out / place / CONTENT).is_file()]
+    return [str(Path(place) / name) for place in there for name in FILES]
 
 
 def _chosen(wanted: list[str], kinds: list[str]) -> dict[str, tuple[Cause, ...]]:

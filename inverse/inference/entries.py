@@ -38,6 +38,11 @@ class Entry(eqx.Module):
         return self.parameter.unit
 
     @property
+    def places(self) -> tuple[str, ...]:
+        """Where its numbers stand; none where a fit puts them in by hand."""
+        return (self.parameter.place,) if self.parameter.place else ()
+
+    @property
     @abc.abstractmethod
     def size(self) -> int:
         """Unconstrained numbers."""
@@ -170,6 +175,11 @@ class Varying(Entry):
     groups: tuple[str, ...] = eqx.field(static=True)
     dimension: str = eqx.field(static=True)
     spread: HalfNormal = HalfNormal(0.5, source=ASSUMED)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """That of each group."""
+        return tuple(self._place(group) for group in range(len(self.groups)))
 
     @property
     def size(self) -> int:

@@ -237,7 +237,8 @@ def _entry(section: ParameterSection, state: State) -> Any:
     except InputError as error:
         raise InputError(f"`inference.parameters` {section.name}: {error}") from None
     _require_near(section, prior, about)
-    return parameter(section.name, section.place, section.unit, prior, label=section.label, relative=section.relative)
+    place = places.counted_from_start(state, section.place)
+    return parameter(section.name, place, section.unit, prior, label=section.label, relative=section.relative)
 
 
 def _require_near(section: ParameterSection, prior: Prior, standing: float) -> None:

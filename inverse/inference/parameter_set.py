@@ -1,6 +1,6 @@
 """The parameters of an inference together: one flat vector of unconstrained numbers, its values, its prior."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import equinox as eqx
@@ -14,6 +14,23 @@ from inverse.inference.entries import Entry as Entry
 from inverse.inference.entries import Single as Single
 from inverse.inference.entries import Varying as Varying
 from inverse.inference.entries import parameter as parameter
+
+
+def require_own_places(entries: Iterable[Entry], written: Callable[[str], str] = str) -> None:
+    """Refuse two entries in one place, where the second would overwrite the first.
+
+    Args:
+        entries: Of a set.
+        written: The one way to write a place, where there are several.
+    """
+    standing: dict[str, str] = {}
+    for entry in entries:
+        for place in map(written, entry.places):
+            if standing.setdefault(place, entry.name) != entry.name:
+                raise InputError(
+                    f"parameters `{standing[place]}` and `{entry.name}` have the same place, `{place}`, "
+                    "which holds the value of one alone; leave the other out, or correct its place."
+                )
 
 
 class ParameterSet(eqx.Module):
@@ -32,15 +49,7 @@ class ParameterSet(eqx.Module):
         double = sorted({name for name in names if names.count(name) > 1})
         if double:
             raise InputError(f"two parameters are called `{double[0]}`; names must differ.")
-        standing: dict[str, str] = {}
-        for entry in self.entries:
-            place = entry.parameter.place
-            # Fits that put numbers in by hand name no place.
-            if place and standing.setdefault(place, entry.name) != entry.name:
-                raise InputError(
-                    f"parameters `{standing[place]}` and `{entry.name}` have the same place, `{place}`, "
-                    "which holds the value of one alone; leave the other out, or correct its place."
-                )
+        require_own_places(self.entries)
 
     @property
     def size(self) -> int:

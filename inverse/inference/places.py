@@ -51,6 +51,21 @@ def write(tree: Any, place: str, value: Array, *, relative: bool = False) -> Any
     return eqx.tree_at(lambda root: _walk(root, outer), tree, array)
 
 
+def counted_from_start(tree: Any, place: str) -> str:
+    """The same place, its indices counted from the first: of an array of five, `[-1]` is `[4]`.
+
+    Raises:
+        InputError: if there is no such place.
+    """
+    node, path = tree, ""
+    for name, index in _steps(place):
+        below, written = _below(node, name, index, path, place)
+        if index is not None:
+            written = f"{path}[{index % _length(node)}]"
+        node, path = below, written
+    return path
+
+
 def numbers(tree: Any) -> dict[str, Array]:
     """Every place of a tree that holds numbers, with what stands there: what a fit may free."""
     leaves, _ = jax.tree_util.tree_flatten_with_path(tree)
@@ -73,7 +88,7 @@ def _steps(place: str) -> list[tuple[str | None, int | None]]:
 
 def _below(node: Any, name: str | None, index: int | None, path: str, place: str) -> tuple[Any, str]:
     if index is not None:
-        length = len(node) if isinstance(node, tuple | list) or getattr(node, "ndim", 0) else 0
+        length = _length(node)
         if not -length <= index < length:
             raise InputError(f"`{place}`: `{path}` is {_kind(node)} of length {length}, without a number {index}.")
         return node[index], f"{path}[{index}]"
@@ -84,6 +99,10 @@ def _below(node: Any, name: str | None, index: int | None, path: str, place: str
             f"`{place}`: {'`' + path + '`' if path else 'the model'} ({_kind(node)}) has no `{name}`"
             f"{_offer(node, path)}."
         ) from None
+
+
+def _length(node: Any) -> int:
+    return len(node) if isinstance(node, tuple | list) or getattr(node, "ndim", 0) else 0
 
 
 def _step(node: Any, name: str | None, index: int | None) -> Any:

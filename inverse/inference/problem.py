@@ -22,8 +22,9 @@ from jax.core import Tracer
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from arfjax.errors import InputError
+from inverse.inference import places
 from inverse.inference.noise import NoiseModel, Series
-from inverse.inference.parameter_set import ParameterSet
+from inverse.inference.parameter_set import ParameterSet, require_own_places
 
 Predict = Callable[[Any], Float[Array, " n"]]
 
@@ -83,10 +84,12 @@ class Problem(eqx.Module):
     measurements: tuple[Measurement, ...]
 
     def __check_init__(self) -> None:
-        """Refuse two measurements of one name, and parameters without a place."""
+        """Refuse two measurements of one name, parameters without a place, and two in the same."""
         names = [measurement.name for measurement in self.measurements]
         if len(set(names)) < len(names):
             raise InputError(f"measurements need different names, got {', '.join(names)}.")
+        state = self.state
+        require_own_places(self.parameters.entries, lambda place: places.counted_from_start(state, place))
 
     @property
     def state(self) -> State:

@@ -35,6 +35,16 @@ def test_what_an_earlier_run_left_goes_when_results_come(tmp_path):
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.png": "new", "mine.png": "earlier"}
 
 
+def test_folders_that_what_goes_leaves_empty_go(tmp_path):
+    for place in ("of_two", "with_mine"):
+        (tmp_path / place).mkdir()
+        (tmp_path / place / "a.png").write_text("earlier")
+    (tmp_path / "with_mine" / "mine.png").write_text("earlier")
+    with output_directory(tmp_path, replaces=["of_two/a.png", "with_mine/a.png"]) as folder:
+        (folder / "b.png").write_text("new")
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["b.png", "mine.png", "with_mine"]
+
+
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
 def test_failure_leaves_nothing_and_keeps_what_was_there(tmp_path, error):
     fresh, old = tmp_path / "deep" / "fresh", tmp_path / "old"

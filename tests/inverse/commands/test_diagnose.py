@@ -15,6 +15,8 @@ from inverse.commands import diagnose as command
 from inverse.commands.main import run
 from inverse.datasets.dma import group_sweeps, read_dma
 from inverse.datasets.shipped import shipped
+from inverse.diagnosed import FILES
+from inverse.output import output_directory
 from tests.blind import dma_generator as blind
 from tests.inverse.diagnosis_keys import require_keys
 
@@ -94,6 +96,23 @@ def test_only_the_causes_that_are_asked_for(tmp_path):
     assert found["seed"] == 4 and found["level"] == 0.01 and found["not_testable"] == []
     settings = json.loads((out / "summary.json").read_text())["settings"]
     assert settings == {"causes": ["slip", "drying"], "level": 0.01, "model": "fractional", "trust_units": False}
+
+
+def test_an_earlier_diagnosis_does_not_stay_beside_the_new_one(tmp_path):
+    """One of two files left its results in folders, which would be taken for those of this one."""
+    for place in ("dma", "hmi", "."):
+        (tmp_path / place).mkdir(exist_ok=True)
+        for name in FILES:
+            (tmp_path / place / name).write_text(place)
+    (tmp_path / "dma" / "mine.txt").write_text("kept")
+    (tmp_path / "hmi" / "diagnosis.json").unlink()
+    for path in command._earlier(tmp_path):
+        assert (tmp_path / path).exists() and not path.startswith("hmi")
+    with output_directory(tmp_path, replaces=command._earlier(tmp_path)) as folder:
+        (folder / "report.md").write_text("new")
+    left = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file())
+    other_s = [f"hmi/{name}" for name in sorted(FILES) if name != "diagnosis.json"]
+    assert left == ["dma/mine.txt", *other_s, "report.md"]
 
 
 def test_unknown_cause(tmp_path, capsys):

@@ -97,7 +97,7 @@ def test_only_what_lies_on_its_bound_is_said_to():
         parameter("order", "model.order", "1", transform=Interval(0.0, 1.0)),
         parameter("free", "model.free", "1", transform=Identity()),
     )
-    problem = Problem(ParameterSet(entries), {}, ())
+    problem = Problem(ParameterSet(entries), {entry.name: 0.5 for entry in entries}, ())
     none = MultiStart(np.zeros((1, 5)), np.zeros(1), np.zeros(1, int), np.zeros(1, int))
 
     def ends(*values):

@@ -9,6 +9,7 @@ from scipy import stats
 from arfjax import InputError
 from inverse.inference.dma import Samples, ZenerConstants
 from inverse.inference.parameter_set import ParameterSet, Varying, parameter
+from inverse.inference.problem import Problem
 from inverse.parameters import Parameter
 from inverse.priors import Dirichlet, HalfNormal, LogNormal, Normal, Uniform
 from inverse.transforms import Positive, Simplex
@@ -106,3 +107,21 @@ def test_two_parameters_in_one_place_are_refused():
         ParameterSet(tuple(order))
     by_hand = [parameter(name, "", "1", Uniform(0.0, 1.0)) for name in ("order", "alpha")]
     assert ParameterSet(tuple(by_hand)).names == ("order", "alpha")
+
+
+@pytest.mark.parametrize(
+    "second",
+    [
+        parameter("offset", "model.solids[-3].relaxed_modulus", "Pa", LogNormal(1e3, 1.0)),
+        Varying(
+            Parameter("offset", "Pa", Positive(), "", LogNormal(1e3, 1.0), "model.solids[{group}].relaxed_modulus"),
+            LABELS,
+            "sample",
+        ),
+    ],
+)
+def test_a_place_that_is_written_in_another_way_is_the_same(second):
+    first = parameter("relaxed_modulus", "model.solids[0].relaxed_modulus", "Pa", LogNormal(1e3, 1.0))
+    said = r"`relaxed_modulus` and `offset` have the same place, `model\.solids\[0\]\.relaxed_modulus`"
+    with pytest.raises(InputError, match=said):
+        Problem(ParameterSet((first, second)), SAMPLES, ())

@@ -35,6 +35,14 @@ def test_tuples_and_dictionaries():
     assert float(places.write(tree, "parts[0]", jnp.asarray(5.0))["parts"][0]) == 5.0
 
 
+def test_a_place_has_one_way_to_be_written():
+    tree = {"parts": (1.0, {"a": jnp.asarray([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])})}
+    for place in ("parts[1].a[1][0]", "parts[-1]['a'][-1][-3]", ".parts[1].a[-1][0]"):
+        assert places.counted_from_start(tree, place) == "parts[1].a[1][0]"
+    with pytest.raises(InputError, match="of length 2, without a number -3"):
+        places.counted_from_start(tree, "parts[-3]")
+
+
 @pytest.mark.parametrize(
     ("place", "said"),
     [
