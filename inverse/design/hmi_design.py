@@ -193,7 +193,27 @@ def _planned(fitted: _Fitted, proposal: HmiProposal) -> tuple[list[Course], HmiR
     rows = hmi_rows(blank, fitted.reference)
     settings = fitted.prepared.fast.curve.settings
     courses, rows = plan_courses(blank, rows, fitted.prepared.model, proposal.protocol, settings, fitted.reference)
-    return [dataclasses.replace(course, immune=proposal.immune) for course in courses], rows
+    courses = [dataclasses.replace(course, immune=proposal.immune) for course in courses]
+    return [dataclasses.replace(course, motion=_motion(fitted, course)) for course in courses], rows
+
+
+def _motion(fitted: _Fitted, course: Course) -> float:
+    """Displacement at the coldest reading over that with a push as in the sonications that were made, without causes.
+
+    Strengths of what tracking adds are told in displacements of those.
+    """
+    program, unknowns = fitted.lean
+    still = unknowns.copy()
+    still[: len(program.causes)] = 0.0
+    made = program.courses[0].protocol
+    usual = dataclasses.replace(course.protocol, push_duration=made.push_duration, modulation=made.modulation)
+    if usual == course.protocol:
+        return 1.0
+    before, now = (
+        float(program.on([dataclasses.replace(course, protocol=one)]).coldest_displacement(still)[0])
+        for one in (usual, course.protocol)
+    )
+    return now / before
 
 
 def _separation(fitted: _Fitted, courses: Sequence[Course] | None, more: HmiRows | None) -> Separation:

@@ -33,6 +33,8 @@ class Course(eqx.Module):
         in_time: Whether states are known by their time alone.
         immune: Places of the chain that no cause can reach in these sonications, such as a thermocouple's where the
             temperature comes from somewhere else.
+        motion: Displacement of the coldest state over that of sonications whose displacement causes are told in: those
+            of an instrument do not change with the push.
     """
 
     protocol: StepwiseProtocol
@@ -41,6 +43,7 @@ class Course(eqx.Module):
     places: Int[Array, " row"] | Int[np.ndarray, " row"]
     in_time: bool = eqx.field(static=True)
     immune: tuple[str, ...] = eqx.field(static=True, default=())
+    motion: float = 1.0
 
     @property
     def kind(self) -> tuple:
@@ -62,6 +65,7 @@ class Courses(eqx.Module):
         place: Of that state in its course.
         coldest: Of the states that are pushed, the coldest of the same course.
         pushed: For each row, its state among those that are pushed.
+        motion: Of each course.
         in_time: Whether states are known by their time alone.
         immune: Places of the chain that no cause can reach.
     """
@@ -72,6 +76,7 @@ class Courses(eqx.Module):
     place: Int[Array, " state"]
     coldest: Int[Array, " state"]
     pushed: Int[Array, " row"]
+    motion: Float[Array, " course"]
     in_time: bool = eqx.field(static=True)
     immune: tuple[str, ...] = eqx.field(static=True)
 
@@ -109,6 +114,7 @@ def _stacked(courses: Sequence[Course]) -> Courses:
         place=jnp.asarray(place),
         coldest=jnp.asarray(np.array(coldest)),
         pushed=jnp.asarray(pushed.ravel()),
+        motion=jnp.asarray([course.motion for course in courses]),
         in_time=in_time,
         immune=immune,
     )
@@ -120,7 +126,7 @@ def log_reported(
     model: Model,
     extensions: Sequence[Extension[HmiCause]],
     strengths: Float[Array, " extension"],
-) -> tuple[Float[Array, " row"], Float[Array, ""]]:
+) -> tuple[Float[Array, " row"], Float[Array, ""], Float[Array, " row"]]:
     """Logarithm of what the instrument reports for every row, but for a factor of each sonication.
 
     Args:
@@ -131,8 +137,8 @@ def log_reported(
         strengths: Of the causes.
 
     Returns:
-        The logarithm, and how far the farthest state lies from the middle of what the simulation covers: covered up
-        to 1.
+        The logarithm; how far the farthest state lies from the middle of what the simulation covers: covered up to 1;
+        and the displacement [m] of the coldest state of each row's course.
     """
     acting = [i for i, extension in enumerate(extensions) if extension.cause.place not in courses.immune]
     extensions, strengths = [extensions[i] for i in acting], strengths[jnp.asarray(acting, dtype=int)]
@@ -157,10 +163,11 @@ def log_reported(
         (states, courses.conditions),
     )
     displacement = simulation.displacement(model, change, temperature, share, courses.protocol)
-    relative = displacement / displacement[courses.coldest]
+    relative = courses.motion[courses.course] * displacement / displacement[courses.coldest]
     for extension, strength in zip(extensions, strengths, strict=True):
         relative = extension.cause.measured(relative, conditions, strength, extension.shape)
-    return jnp.log(jnp.maximum(relative, _FASTEST_FALL))[courses.pushed], jnp.max(excess)
+    reported = jnp.log(jnp.maximum(relative, _FASTEST_FALL))[courses.pushed]
+    return reported, jnp.max(excess), displacement[courses.coldest][courses.pushed]
 
 
 def reaching(heating: Heating, final: Scalar, start: float) -> Heating:

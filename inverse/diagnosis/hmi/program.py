@@ -77,7 +77,7 @@ class HmiProgram:
 
         fast, full = FastSimulation(curve), FullSimulation(fine)
 
-        def predict(courses: Courses, unknowns: Array) -> tuple[Array, Array]:
+        def predict(courses: Courses, unknowns: Array) -> tuple[Array, Array, Array]:
             return log_reported(fast, courses, *parts(unknowns))
 
         def simulate(courses: Courses, unknowns: Array) -> Array:
@@ -172,6 +172,13 @@ class HmiProgram:
         found = np.zeros(self.n_rows)
         for courses, rows in self._stacked:
             found[rows] = self._predict(courses, jnp.asarray(unknowns))[0]
+        return found
+
+    def coldest_displacement(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " row"]:
+        """Displacement [m] of the coldest state of each row's sonication, in the fast simulation."""
+        found = np.zeros(self.n_rows)
+        for courses, rows in self._stacked:
+            found[rows] = self._predict(courses, jnp.asarray(unknowns))[2]
         return found
 
     def slopes(self, unknowns: Float[np.ndarray, " unknown"], which: Sequence[int]) -> Float[np.ndarray, "row which"]:

@@ -12,22 +12,47 @@ from inverse.dma_fit import FRACTIONAL
 from tests.inverse.design.small import as_modelled
 
 
-@pytest.fixture(scope="module")
-def together():
-    """The problem, and with each decade of frequencies beside it."""
-    data = as_modelled(20.0, 40.0)
-    problem = dma_problem(data, FRACTIONAL)
-    found = {}
+def with_each(*temperatures):
+    """The problem of so many sweeps, and with each proposal beside it."""
+    data = as_modelled(*temperatures)
+    problem, found = dma_problem(data, FRACTIONAL), {}
     for proposal in dma_proposals(data):
-        if proposal.name in ("lower-frequencies", "higher-frequencies"):
-            found[proposal.name] = dma_design._further(dma_design._with(data, problem, proposal), problem, 0)
+        found[proposal.name] = dma_design._further(dma_design._with(data, problem, proposal), problem, 0)
     return problem, found
 
 
-@pytest.mark.parametrize("name", ["lower-frequencies", "higher-frequencies"])
+@pytest.fixture(scope="module")
+def together():
+    return with_each(20.0, 40.0)
+
+
+@pytest.fixture(scope="module")
+def at_one_temperature():
+    """Where every proposal goes on at the temperature that was measured last."""
+    return with_each(20.0)
+
+
+@pytest.mark.parametrize("name", ["lower-frequencies", "higher-frequencies", "reversed-temperatures"])
 def test_strength_and_shape_mean_in_more_data_what_they_mean_in_those_that_there_are(together, name):
     """Of every cause of the library: of a resonance of the frame at 350 Hz, say, which is not moved to 3500."""
-    problem, further = together[0], together[1][name]
+    means_the_same(together[0], together[1][name])
+
+
+@pytest.mark.parametrize("name", ["lower-frequencies", "again", "random-order"])
+def test_so_it_does_where_the_sweep_goes_on(at_one_temperature, name):
+    means_the_same(at_one_temperature[0], at_one_temperature[1][name])
+
+
+@pytest.mark.parametrize(("sweeps", "name", "begun"), [(1, "again", 7.0), (2, "reversed-temperatures", 17.0)])
+def test_drift_goes_on_where_the_sweep_does(at_one_temperature, together, sweeps, name, begun):
+    """A sweep is a reading a minute for six; between temperatures pass ten more, before the same one again, too."""
+    further = (at_one_temperature if sweeps == 1 else together)[1][name].conditions
+    share = np.asarray(further.time_in_sweep)[np.argsort(np.asarray(further.time))]
+    np.testing.assert_allclose(share[: 7 * sweeps], np.tile(np.arange(7.0), sweeps) / 6.0, atol=1e-12)
+    np.testing.assert_allclose(share[7 * sweeps :][:7], (begun + np.arange(7.0)) / 6.0, rtol=1e-12)
+
+
+def means_the_same(problem, further):
     extensions = [Extension(cause, cause.shapes[len(cause.shapes) // 2]) for cause in DMA_CAUSES]
     when = np.asarray(further.conditions.time)
     first = np.flatnonzero(when <= np.max(np.asarray(problem.conditions.time)))

@@ -8,6 +8,7 @@ import pytest
 
 from arfjax import InputError, PushSettings, SineIntensity, StepwiseProtocol, read_experiment
 from arfjax.experiment.file import Protocol
+from arfjax.protocols.stepwise import heating_by
 from inverse.commands.main import run
 from inverse.datasets.shipped import shipped
 from inverse.design import design_hmi, hmi_design
@@ -18,6 +19,7 @@ from inverse.design.separation import separation
 from inverse.diagnosis import HMI_CAUSES, Diagnosis
 from inverse.diagnosis.cause import Extension
 from inverse.diagnosis.hmi.account import HmiAccount
+from inverse.diagnosis.hmi.chain import reaching
 from inverse.diagnosis.hmi.diagnosis import diagnose_curves
 from inverse.diagnosis.hmi.fitting import HmiFit
 from inverse.diagnosis.hmi.prepare import hmi_problem_of
@@ -189,6 +191,41 @@ def test_what_tracking_adds_is_counted_in_displacements_of_the_coldest_state_of_
     jitter[program.place(JITTER)] = 0.2 / cause.plausible
     change = program.predict(jitter) - program.predict(program.null())
     np.testing.assert_allclose(change[[0, len(first.rows)]], 0.5 * np.log(1.2), rtol=1e-9)
+
+
+def test_what_an_instrument_adds_does_not_change_with_the_push(fitted, described, prepared):
+    """Compression, jitter and an offset are of the instrument: of a push that moves less, others parts of the motion.
+
+    Displacements are those of the same fast simulation, asked by itself.
+    """
+    proposals = {one.name: one for one in hmi_proposals(described.stepwise(), reference=37.0, hottest=70.0, readings=4)}
+    (usual,), _ = hmi_design._planned(fitted, proposals["again"])
+    (short,), _ = hmi_design._planned(fitted, proposals["shorter-push"])
+    program, unknowns = fitted.problem.program, fitted.unknowns
+    model, curve = program.model(unknowns), prepared.fast.curve
+    ratio = 1.0
+    for course, power in ((short, 1.0), (usual, -1.0)):
+        heating = reaching(
+            heating_by(model, curve.heat(model, course.protocol), course.protocol, curve.settings), 70.0, 35.0
+        )
+        ratio *= float(curve.push(model, 37.0, curve.share(model, 37.0, heating), course.protocol)) ** power
+    assert usual.motion == 1.0 and 0.1 < short.motion < 0.5
+    np.testing.assert_allclose(short.motion, ratio, rtol=1e-9)
+    for name, same in (
+        ("tracking-compression", short.motion),
+        (JITTER, short.motion**-2),
+        ("echo-strain", 1.0 / short.motion),
+    ):
+        cause = next(cause for cause in HMI_CAUSES if cause.name == name)
+        here = program.with_causes([cause])
+        found = []
+        for course, strength in ((short, 0.1), (dataclasses.replace(short, motion=1.0), 0.1 * same)):
+            at = here.null()
+            still = here.on([_first_of(course)]).predict(at)
+            at[here.place(name)] = strength / cause.plausible
+            found.append(here.on([_first_of(course)]).predict(at) - still)
+        np.testing.assert_allclose(found[0], found[1], rtol=1e-9, atol=1e-12)
+        assert np.ptp(found[0]) > 1e-4
 
 
 def _first_of(course, start=0):
