@@ -101,7 +101,7 @@ def sound_notes(settings: Discretisation, *factors: float) -> list[str]:
     Heat of nonlinear sound may not be scaled by any other factor than 0 and 1.
     """
     short = [f"the sound field is not within its tolerance: {settings.shortcoming}."] if settings.shortcoming else []
-    return short + _scaling_notes(settings, *factors)
+    return short + scaling_notes(settings, *factors)
 
 
 def modulation_notes(settings: Discretisation, monitoring: MonitoringSection) -> list[str]:
@@ -156,7 +156,8 @@ def grid_notes(model: Model, duration: float = 0.0) -> list[str]:
     return notes
 
 
-def _scaling_notes(settings: Discretisation, *factors: float) -> list[str]:
+def scaling_notes(settings: Discretisation, *factors: float) -> list[str]:
+    """A warning where heat of nonlinear sound is scaled by a power's factor, which may be 0 or 1."""
     scaled = [factor for factor in factors if factor > 0.0 and abs(factor - 1.0) > 0.01]
     if settings.march.n_harmonics == 1 or not scaled:
         return []

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from inverse.monte_carlo.bands import correlation_noise
 from inverse.monte_carlo.spreads import FIXED
 from inverse.output import quantity
 
@@ -56,7 +55,7 @@ def results(data: xr.Dataset) -> dict[str, Any]:
     return {
         "n_samples": data.sizes["sample"] - 1,
         "n_usable": int(_usable(data).sum()),
-        "unusable_samples": np.flatnonzero(data["usable"].to_numpy() == 0).tolist(),
+        "unusable_samples": _unusable(data),
         "temperature": {"value": data["curve_temperature"].to_numpy().tolist(), "unit": "degC"},
         "n_reaching": data["n_reaching"].to_numpy().tolist(),
         "displacement_quantiles": {
@@ -75,7 +74,7 @@ def results(data: xr.Dataset) -> dict[str, Any]:
             str(name): values.tolist()
             for name, values in zip(data["constant"].to_numpy(), data["rank_correlation"].to_numpy(), strict=True)
         },
-        "rank_correlation_by_chance": correlation_noise(int(_usable(data).sum())),
+        "rank_correlation_by_chance": data["rank_correlation_by_chance"].to_numpy().tolist(),
         "spreads": {
             str(name): {
                 "central": quantity(float(data["central_value"][index]), str(data["constant_unit"].to_numpy()[index])),
@@ -102,7 +101,7 @@ def report(data: xr.Dataset, figures: Sequence[str], notes: Sequence[str]) -> st
         f"{data.attrs['reference_temperature_degc']:g} degC; temperature is the {data.attrs['temperature']}.",
         "",
         f"Displacement is highest at {median:.1f} degC ({low:.1f} to {high:.1f} in 90 % of samples; "
-        f"{float(data['highest_at'][0]):.1f} with the model's own constants), on the parabola through the highest "
+        f"{_own_highest(data)}), on the parabola through the highest "
         "value and its neighbours in the table of the curve.",
         "",
         "| " + " | ".join(HEADER) + " |",
@@ -133,15 +132,22 @@ def report(data: xr.Dataset, figures: Sequence[str], notes: Sequence[str]) -> st
 
 
 def _reservations(data: xr.Dataset, n_samples: int, n_usable: int) -> list[str]:
-    noise = correlation_noise(n_usable)
+    noise = data["rank_correlation_by_chance"].to_numpy()
+    most = f"{noise.min():.2f}" if noise.max() < noise.min() + 0.005 else f"{noise.min():.2f} to {noise.max():.2f}"
     notes = [
         f"- {n_usable} of {n_samples} samples are usable."
         if n_usable == n_samples
         else f"- ONLY {n_usable} of {n_samples} samples are usable; the others gave no finite displacement or never "
         f"reached the temperature of 100 %, and are left out of all bands: samples "
-        f"{', '.join(str(each) for each in np.flatnonzero(data['usable'].to_numpy() == 0))}.",
-        f"- Correlations are rank correlations (Spearman); below {noise:.2f} they may be chance.",
+        f"{', '.join(map(str, _unusable(data)))}.",
+        f"- Correlations are rank correlations (Spearman). Of constants that do nothing the largest lies below {most} "
+        "nineteen times in twenty (the higher, the fewer samples reach a temperature).",
     ]
+    if not _own_is_usable(data):
+        notes.append(
+            "- THE RUN WITH THE MODEL'S OWN CONSTANTS GAVE NO FINITE DISPLACEMENT OR NEVER REACHED THE TEMPERATURE OF "
+            "100 %: there is no curve of it."
+        )
     if int(data["n_reaching"].min()) < n_usable:
         notes.append(
             "- Not every sample reaches the highest temperatures. Bands there are those of the samples that do, as "
@@ -165,6 +171,20 @@ def _spread_rows(data: xr.Dataset) -> list[str]:
         f"{'measured' if bool(data['measured'][index]) else 'assumed'} | {sources[index]} |"
         for index in range(len(labels))
     ]
+
+
+def _unusable(data: xr.Dataset) -> list[int]:
+    """Numbers of the samples drawn that take part in nothing."""
+    return (1 + np.flatnonzero(~_usable(data))).tolist()
+
+
+def _own_is_usable(data: xr.Dataset) -> bool:
+    return bool(data["usable"][0] == 1)
+
+
+def _own_highest(data: xr.Dataset) -> str:
+    own = f"{float(data['highest_at'][0]):.1f}" if _own_is_usable(data) else "unknown"
+    return f"{own} with the model's own constants"
 
 
 def _usable(data: xr.Dataset) -> np.ndarray:

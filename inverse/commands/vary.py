@@ -14,15 +14,17 @@ import xarray as xr
 import arfjax
 from arfjax import AdaptiveSteps, Discretisation, Experiment, FixedSteps, InputError, Model, read_experiment
 from arfjax import TransientProtocol as WatchedSonication
-from arfjax.io import VARIABLES, write_netcdf
+from arfjax.io import COORDINATES, VARIABLES, write_netcdf
 from inverse.commands.console import progress_bar, show_lines, show_table
 from inverse.commands.notes import (
     WATCHED,
     assumed_notes,
+    boiling_notes,
     border_notes,
     central_range_notes,
     grid_notes,
     modulation_notes,
+    scaling_notes,
     sound_notes,
 )
 from inverse.commands.partial import PartialFile, StoppedEarly
@@ -216,7 +218,14 @@ def _central_notes(task: Task, outcomes: dict[str, np.ndarray]) -> list[str]:
     """What the first run, that of the central constants, has to say of its temperatures."""
     temperature = outcomes["focal_temperature"][0] if task.temperatures is None else task.temperatures
     ranges = central_range_notes(task.model, temperature, outcomes["lesion_length"][0])
-    return [*border_notes(outcomes["border_rise"][0]), *ranges]
+    power = float(task.model.drive.acoustic_power)
+    factors = outcomes["heating_power"][:1] / power if "heating_power" in outcomes else ()
+    return [
+        *boiling_notes(outcomes["boiling_time"][0]),
+        *border_notes(outcomes["border_rise"][0]),
+        *scaling_notes(task.settings, *map(float, factors)),
+        *ranges,
+    ]
 
 
 def _dataset(task: Task, factors: np.ndarray, outcomes: dict[str, np.ndarray]) -> xr.Dataset:
@@ -237,11 +246,14 @@ def _dataset(task: Task, factors: np.ndarray, outcomes: dict[str, np.ndarray]) -
     for name, values in outcomes.items():
         unit, meaning = VARIABLES.get(name, _OTHERS.get(name, ("1", "")))
         dimensions = ("sample", along)[: values.ndim]
+        if name == "heating_time":  # the same in all samples
+            dimensions, values = (along,), values[0]
         data[name] = (dimensions, values, {"units": unit, "long_name": meaning})
     return data
 
 
 _OTHERS = {
+    "heating_time": COORDINATES["heating_time"],
     "heating_power": ("W", "acoustic power with which the sonication ends at its last temperature"),
     "boiling_time": ("s", "first output time at which 100 degC are reached; NaN if never"),
     "border_rise": ("K", "largest warming of the heat grid's border, whose walls are held at the start temperature"),

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.stats
 import xarray as xr
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from arfjax import InputError
 from inverse.monte_carlo.spreads import Spread
@@ -15,6 +15,7 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 FEWEST_REACHING = 0.5
 """Share of the samples that must reach a temperature for it to be among those of the curves."""
+_BY_CHANCE = 0.05
 
 UNITS = {
     "displacement_percent": ("percent", "displacement normalised to the reference temperature"),
@@ -23,6 +24,7 @@ UNITS = {
     "displacement_sd": ("percent", "standard deviation over the samples that reach the temperature"),
     "n_reaching": ("1", "usable samples that reach the temperature"),
     "rank_correlation": ("1", "Spearman's rank correlation of the displacement with each constant's draws"),
+    "rank_correlation_by_chance": ("1", "that the largest of all constants' exceeds by chance once in twenty times"),
     "highest_at": ("degC", "temperature at which the displacement is highest"),
     "usable": ("1", "1 where every value of the sample is finite and its reference temperature is reached"),
     "factor": ("1", "drawn factor on the model's own value"),
@@ -92,13 +94,15 @@ def analyse(
     percent = 100.0 * displacement / at_reference
     drawn = np.where(usable[1:, None], percent[1:], np.nan)
     names = np.array([each.name for each in spreads], dtype=object)
+    n_reaching = np.isfinite(drawn).sum(axis=0)
     values = {
         "displacement_percent": (("sample", "curve_temperature"), percent),
         "central_displacement_percent": (("curve_temperature",), percent[0]),
         "displacement_quantile": (("quantile", "curve_temperature"), _quantiles(drawn)),
         "displacement_sd": (("curve_temperature",), _standard_deviation(drawn)),
-        "n_reaching": (("curve_temperature",), np.isfinite(drawn).sum(axis=0)),
+        "n_reaching": (("curve_temperature",), n_reaching),
         "rank_correlation": (("constant", "curve_temperature"), rank_correlations(factors[1:], drawn)),
+        "rank_correlation_by_chance": (("curve_temperature",), correlation_noise(n_reaching, len(spreads))),
         "highest_at": (("sample",), np.array([highest_at(temperature, row) for row in percent])),
         "usable": (("sample",), usable.astype(np.int8)),
         "factor": (("sample", "constant"), factors),
@@ -158,9 +162,15 @@ def rank_correlations(
     return result
 
 
-def correlation_noise(n_samples: int) -> float:
-    """Rank correlation that chance alone exceeds once in twenty times."""
-    return 1.96 / np.sqrt(max(n_samples - 1, 1))
+def correlation_noise(n_samples: Int[np.ndarray, " at"], among: int) -> Float[np.ndarray, " at"]:
+    """Rank correlation that the largest of so many exceeds by chance alone once in twenty times.
+
+    Args:
+        n_samples: That it is computed from.
+        among: Constants, of which the largest is looked at.
+    """
+    each = 1.0 - (1.0 - _BY_CHANCE) ** (1.0 / among)
+    return scipy.stats.norm.isf(0.5 * each) / np.sqrt(np.maximum(n_samples - 1, 1))
 
 
 def _varies(values: np.ndarray) -> bool:

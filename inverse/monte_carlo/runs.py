@@ -15,12 +15,13 @@ from arfjax import (
     Model,
     StepwiseProtocol,
     TransientProtocol,
+    boiling_time,
     run_stepwise,
     run_transient,
     simulate_heating,
 )
 from arfjax.model import TabulatedSize
-from arfjax.thermal.bioheat import border_rise
+from arfjax.thermal.bioheat import TemperatureHistory, border_rise
 from inverse.monte_carlo.spreads import Spread, varied
 
 Outcome = Callable[[Model], dict[str, Array]]
@@ -28,7 +29,10 @@ Outcome = Callable[[Model], dict[str, Array]]
 
 
 def stepwise_outcome(protocol: StepwiseProtocol, temperatures: Sequence[float], settings: Discretisation) -> Outcome:
-    """Displacement [m] and lesion [m] of the stepwise protocol at temperatures [degC], and the power it takes [W]."""
+    """Displacement [m] and lesion [m] of the stepwise protocol at temperatures [degC], and the power it takes [W].
+
+    And when tissue boils [s], NaN if never.
+    """
 
     def outcome(model: Model) -> dict[str, Array]:
         heating = simulate_heating(model, protocol, settings)
@@ -38,6 +42,7 @@ def stepwise_outcome(protocol: StepwiseProtocol, temperatures: Sequence[float], 
             "lesion_length": result.lesion_length,
             "lesion_diameter": result.lesion_diameter,
             "heating_power": heating.acoustic_power,
+            "boiling_time": boiling_time(TemperatureHistory(heating.time, heating.temperature), settings.heat_grid),
             "border_rise": border_rise(heating.temperature),
         }
 
@@ -51,7 +56,7 @@ def transient_outcome(
     *,
     steps: FixedSteps | AdaptiveSteps = FixedSteps(),  # noqa: B008  frozen and without state
 ) -> Outcome:
-    """Tracked displacement [m], temperatures [degC] and lesion [m] at the output times of a watched sonication.
+    """Tracked displacement [m], temperatures [degC] and lesion [m] at the output times [s] of a watched sonication.
 
     Displacement is NaN where the heating did not converge.
 
@@ -70,6 +75,7 @@ def transient_outcome(
             "tracked_displacement": jnp.where(result.sonication.effort.converged, result.tracked, jnp.nan),
             "thermocouple_temperature": result.thermocouple_temperature,
             "focal_temperature": result.sonication.focal_temperature,
+            "heating_time": result.sonication.time,
             "lesion_length": result.sonication.lesion.length,
             "boiling_time": result.sonication.boiling_time,
             "border_rise": border_rise(result.sonication.temperature),

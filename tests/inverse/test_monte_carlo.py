@@ -28,7 +28,7 @@ from arfjax.laws import Coagulating, Constant, Linear, ScaledRise
 from inverse.commands import variability_report
 from inverse.commands.main import run
 from inverse.commands.partial import PartialFile
-from inverse.commands.vary import _write_tables, curve_temperatures
+from inverse.commands.vary import Task, _dataset, _write_tables, curve_temperatures
 from inverse.monte_carlo import (
     SPREADS,
     analyse,
@@ -269,7 +269,20 @@ def test_what_is_said_of_known_draws():
     # The parabola through 40, 55 and 60 degC.
     curvature, slope = np.linalg.solve([[225.0, -15.0], [25.0, 5.0]], percent[1, [1, 3]] - 120.0)
     assert float(data["highest_at"][1]) == pytest.approx(55.0 - 0.5 * slope / curvature)
-    assert correlation_noise(5) == pytest.approx(0.98)
+    np.testing.assert_allclose(correlation_noise(np.array([5, 101]), 1), [0.98, 0.196], rtol=1e-4)
+    np.testing.assert_allclose(data["rank_correlation_by_chance"], correlation_noise(np.full(4, 5), 2), rtol=1e-12)
+
+
+@pytest.mark.parametrize("reaching", [40, 160])
+def test_chance_exceeds_its_bound_in_one_of_twenty(reaching):
+    """The largest of seven constants that do nothing, in as many samples as reach a temperature."""
+    rng = np.random.default_rng(1)
+    (bound,) = correlation_noise(np.array([reaching]), 7)
+    largest = [
+        np.abs(rank_correlations(rng.random((reaching, 7)), rng.random((reaching, 1)))).max() for _ in range(1000)
+    ]
+    # Of 1000 draws of one in twenty, three standard deviations; Spearman's coefficient is normal to some percent.
+    assert 0.05 - 0.021 < np.mean(np.array(largest) > bound) < 0.05 + 0.021
 
 
 @pytest.mark.parametrize(
@@ -328,6 +341,26 @@ def test_what_a_report_of_bands_warns_of():
     whole = data.isel(sample=slice(6)).drop_vars("boiling_time")
     text = variability_report.report(whole, [], [])
     assert "- 5 of 5 samples are usable." in text and "100 degC" not in text
+    assert "OWN CONSTANTS" not in text
+    # The run of the model itself is no sample.
+    data["usable"][0] = 0
+    text = variability_report.report(data, [], [])
+    assert "unknown with the model's own constants" in text and "THE RUN WITH THE MODEL'S OWN CONSTANTS" in text
+    assert variability_report.results(data)["unusable_samples"] == [6]
+
+
+def test_what_is_kept_of_a_watched_sonication_has_its_times():
+    """With which displacement and temperatures can be drawn against time from the file."""
+    time, course = np.array([0.0, 5.0, 10.0]), np.array([35.0, 50.0, 60.0])
+    outcomes = {
+        "tracked_displacement": 1e-8 * np.array([[1.0, 1.2, 1.1]] * 3), "heating_time": np.tile(time, (3, 1)),
+        "thermocouple_temperature": np.tile(course, (3, 1)),
+    }  # fmt: skip
+    task = Task(MODEL, SETTINGS, lambda model: {}, None, 35.0, 35.0, "tracked_displacement", "thermocouple", 2, ())
+    data = _dataset(task, np.ones((3, len(SPREADS))), outcomes)
+    assert data["heating_time"].dims == ("output",) == data["tracked_displacement"].dims[1:]
+    np.testing.assert_array_equal(data["heating_time"], time)
+    assert data["heating_time"].attrs["units"] == "s"
 
 
 def test_spreads_are_those_of_their_sources():

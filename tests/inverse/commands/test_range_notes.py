@@ -93,7 +93,10 @@ def test_vary_says_so_of_the_central_run(protocol, hottest, tmp_path, monkeypatc
         course = np.array([37.0, 50.0, hottest, 45.0]) if task.temperatures is None else task.temperatures
         hotter = np.linspace(0.0, 5.0, len(factors))[:, None]
         lesion, border = 1e-3 * (course + hotter > 60.0), np.linspace(1.0, 2.0, len(factors))
-        return {"focal_temperature": course + hotter, "lesion_length": lesion, "border_rise": border}
+        boiling, power = np.linspace(12.5, 9.0, len(factors)), np.linspace(4.0, 5.0, len(factors))
+        found = {"focal_temperature": course + hotter, "lesion_length": lesion, "border_rise": border}
+        by_power = {} if task.temperatures is None else {"heating_power": power}
+        return found | {"boiling_time": boiling} | by_power
 
     def written(folder, data, task):
         del folder, data
@@ -107,5 +110,23 @@ def test_vary_says_so_of_the_central_run(protocol, hottest, tmp_path, monkeypatc
     assert run(call) == 2
     assert len(told(found, "with the central constants, liver.attenuation: extrapolated to ")) == 1
     assert len(told(found, "the border of the grid warms by 1.0 K")) == 1
+    assert len(told(found, "tissue reaches 100 degC at 12.5 s")) == 1
+    assert not told(found, "nonlinear sound")
     (said,) = told(found, "lesion.viscoelasticity.branch_modulus")
     assert said.startswith("with the central constants, ") and said.endswith(f"to {hottest:g} degC")
+
+
+def test_vary_says_that_the_heat_of_nonlinear_sound_is_scaled():
+    """To the power that takes the central tissue to its last temperature: a third of the one that is stated."""
+    described = read_experiment(FILE)
+    model = described.model()
+    settings = described.discretised(model)
+    nonlinear = dataclasses.replace(settings, march=dataclasses.replace(settings.march, n_harmonics=24))
+    power = float(model.drive.acoustic_power) * np.array([0.33, 1.0])
+    outcomes = {
+        "lesion_length": np.zeros((2, 2)), "border_rise": np.zeros(2), "boiling_time": np.full(2, np.nan),
+        "heating_power": power,
+    }  # fmt: skip
+    for march, said in ((settings, 0), (nonlinear, 1)):
+        task = vary.Task(model, march, lambda model: {}, np.array([37.0, 50.0]), 37.0, 37.0, "displacement", "", 2, ())
+        assert len(told(vary._central_notes(task, outcomes), "heat is that of the stated power times 0.33")) == said
