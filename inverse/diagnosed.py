@@ -74,6 +74,11 @@ class Diagnosed:
         """Sets of causes that these data cannot tell apart."""
         return self.details.confusable
 
+    def noting(self, remarks: Sequence[str]) -> "Diagnosed":
+        """The same with more remarks, on what is not of the file."""
+        content = {**self.content, "notes": [*remarks, *self.content["notes"]]}
+        return dataclasses.replace(self, content=content, remarks=(*self.remarks, *remarks))
+
     def write(self, folder: Path) -> None:
         """Write `diagnosis.json`, `report.md` and two figures (PNG and PDF) into a folder: all of them, or none."""
         with output_directory(folder) as whole:

@@ -10,6 +10,7 @@ import typer
 from arfjax import InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.diagnose import NullModel, require_fittable
+from inverse.commands.notes import grid_notes
 from inverse.datasets.dma import read_dma
 from inverse.datasets.hmi import read_hmi
 from inverse.design import design_dma, design_hmi
@@ -67,7 +68,7 @@ def design_command(
                 file, described = hmi, read_experiment(experiment)
                 curves, inputs = read_hmi(hmi), recorded(given)
                 require_diagnosable(curves, described, str(experiment))
-                remarks = curves.remarks
+                remarks = (*curves.remarks, *grid_notes(described.model()))
                 found = design_hmi(
                     curves, described, name=str(experiment), causes=wanted, check=check, seed=seed, on_step=show
                 )

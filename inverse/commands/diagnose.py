@@ -9,6 +9,7 @@ import typer
 
 from arfjax import InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, staged_bar
+from inverse.commands.notes import grid_notes
 from inverse.datasets.dma import DmaData, read_dma, require_loss
 from inverse.datasets.hmi import read_hmi
 from inverse.design.report import percent
@@ -100,6 +101,8 @@ def diagnose_command(
                     else {"hmi": hmi, "experiment": experiment}
                 )
                 found[kind] = diagnose(**measured, causes=chosen[kind], level=level, seed=seed, on_step=show)
+            if experiment is not None and kind == "hmi":
+                found[kind] = found[kind].noting(grid_notes(read_experiment(experiment).model()))
             found[kind].write(folder / places[kind])
         results = {
             kind: {

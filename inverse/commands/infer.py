@@ -12,6 +12,7 @@ import typer
 from arfjax import Experiment, InputError, read_experiment
 from inverse.commands.console import show_lines, show_table, working
 from inverse.commands.infer_report import evidence_line, parameter_rows, report, results, write_parameters
+from inverse.commands.notes import grid_notes
 from inverse.commands.partial import StoppedEarly
 from inverse.datasets.dma import Sweep, read_dma, sweeps_of_file
 from inverse.datasets.dma_checks import SWEEP_GAP
@@ -147,6 +148,8 @@ def infer_command(
         say("figures")
         figures, note = _write_posterior(folder, study, panels, seed)
         not_used = [*(sweeps[0].data.remarks if sweeps else ()), *(curves.remarks if curves else ())]
+        if curves is not None and described is not None:
+            not_used += grid_notes(described[0].model())
         remark = " ".join(each for each in (remark, note, *not_used) if each)
         write_parameters(folder / "parameters.csv", study)
         labels = [sweep.label for sweep in sweeps]

@@ -1,6 +1,7 @@
 """`arfjax reproduce`: the paper's own numbers beside what comes out here."""
 
 import dataclasses
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +14,7 @@ from arfjax import Experiment, InputError, StepwiseResult, range_notes, read_exp
 from arfjax.io import stepwise_dataset, write_netcdf
 from inverse import reproduction
 from inverse.commands.console import progress_bar, show_lines, show_table
+from inverse.commands.notes import grid_notes
 from inverse.commands.reproduction_report import report, write_readings, write_rows, write_variations
 from inverse.datasets.hmi import read_hmi
 from inverse.datasets.shipped import shipped
@@ -47,6 +49,21 @@ class _Outcome:
     figures: dict[str, Figure]
 
 
+def _require_paper_s_readings(described: Experiment, path: Path) -> None:
+    """Refuse a file that decides what is tried here in every reading, or takes other sound than some rows are of."""
+    stated = (
+        ("mechanics.modulus", described.mechanics.modulus, "young"),
+        ("lesion.edge", described.lesion.edge, "linear"),
+        ("acoustics.nonlinear", bool(described.acoustics.nonlinear), False),
+    )
+    for key, value, expected in stated:
+        if value != expected:
+            raise InputError(
+                f"{path}: {key} is {json.dumps(value)}; `arfjax reproduce` tries the readings of the paper itself and "
+                f"compares them with {json.dumps(expected)}: leave it out, or use `arfjax simulate`."
+            )
+
+
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
     experiment: Annotated[Path | None, typer.Option(help="Experiment file; the shipped one of the paper.")] = None,
@@ -65,6 +82,7 @@ def reproduce(
             f"{path}: the paper's protocol goes from 35 to 70 degC, this one from {steps[0]:g} to {steps[-1]:g}; "
             "set `protocol.temperatures_c`, or use `arfjax simulate`."
         )
+    _require_paper_s_readings(described, path)
     with output_directory(out) as folder:
         with progress_bar(_STEPS) as step:
             outcome = _compute(described, step)
@@ -79,7 +97,7 @@ def reproduce(
         write_netcdf(outcome.study.dataset(), folder / "second_study.nc")
         write_netcdf(outcome.comparison.dataset(), folder / "protocols.nc")
         lengths = np.asarray(outcome.runs["dose"].lesion_length)
-        notes = range_notes(described.model(), np.asarray(TEMPERATURES), lengths)
+        notes = range_notes(described.model(), np.asarray(TEMPERATURES), lengths) + grid_notes(described.model())
         (folder / "report.md").write_text(report(outcome.rows, outcome.readings, figures, notes), encoding="utf-8")
         write_summary(
             folder,

@@ -95,9 +95,9 @@ def hmi_proposals(
         found.append(one("not-coagulating", f"a sonication that ends at {_BELOW_COAGULATION:.0f} degC",
                          _BELOW_COAGULATION))  # fmt: skip
     low, high = max(COAGULATION[0], reference), min(COAGULATION[1], hottest)
-    if high - low > _LEAST_RISE and readings > 1:
+    before = [reference] if reference < low else []
+    if high - low > _LEAST_RISE and readings - len(before) > 1:
         words = f"a sonication that ends at {high:.0f} degC, read from {low:.0f} degC on only"
-        before = [reference] if reference < low else []
         dense = np.append(before, np.linspace(low, high, readings - len(before)))
         found.append(dataclasses.replace(one("around-coagulation", words, high), temperature=dense))
     return tuple(found)

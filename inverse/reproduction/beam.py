@@ -23,7 +23,7 @@ class BeamSize(NamedTuple):
 def beam_size(r: Float[np.ndarray, " r"], z: Float[np.ndarray, " z"], values: Float[np.ndarray, "r z"]) -> BeamSize:
     """Size of the focus of an intensity or force [any unit] at radii and positions [m].
 
-    Accuracy: the logarithm is linear between points, of second order in their distance.
+    Accuracy: the logarithm is linear between points, of second order in their distance. NaN where the map ends before.
     """
     level = np.log(np.maximum(values / values.max(), 1e-30)) - np.log(_QUARTER)
     row, column = (int(index) for index in np.unravel_index(np.argmax(values), values.shape))
@@ -34,7 +34,9 @@ def beam_size(r: Float[np.ndarray, " r"], z: Float[np.ndarray, " z"], values: Fl
 
 
 def _crossing(positions: Float[np.ndarray, " n"], level: Float[np.ndarray, " n"]) -> float:
-    """Where a level that begins above zero first falls to it."""
+    """Where a level that begins above zero first falls to it; NaN if it does nowhere."""
+    if not np.any(level < 0.0):
+        return np.nan
     after = int(np.argmax(level < 0.0))
     weight = level[after - 1] / (level[after - 1] - level[after])
     return float(positions[after - 1] + weight * (positions[after] - positions[after - 1]))

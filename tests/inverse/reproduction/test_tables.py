@@ -10,6 +10,7 @@ import pytest
 from arfjax import StepwiseResult, suomi2016
 from inverse import reproduction
 from inverse.commands import reproduction_report
+from inverse.commands.main import run
 from inverse.commands.reproduction_report import write_readings, write_rows, write_variations
 from inverse.datasets.hmi import read_hmi
 from inverse.datasets.shipped import shipped
@@ -258,6 +259,38 @@ def test_size_of_a_beam_is_where_it_has_fallen_to_a_quarter():
     r, z = np.linspace(0.0, 3e-3, 61), np.linspace(-5e-3, 13e-3, 121)
     found = reproduction.beam_size(r, z, 7.0 * np.exp(-((r[:, None] / 1e-3) ** 2) - ((z[None, :] - 1e-3) / 4e-3) ** 2))
     np.testing.assert_allclose(found, 2.0 * np.sqrt(np.log(4.0)) * np.array([1e-3, 4e-3]), rtol=3e-3)
+
+
+def test_a_beam_that_the_map_cuts_off_has_no_size():
+    """Rather than one between the map's ends."""
+    r, z = np.linspace(0.0, 3e-3, 61), np.linspace(-13e-3, 13e-3, 121)
+    found = reproduction.beam_size(r, z, np.exp(-((r[:, None] / 1e-3) ** 2) - (z[None, :] / 4e-2) ** 2))
+    np.testing.assert_allclose(found.width, 2e-3 * np.sqrt(np.log(4.0)), rtol=3e-3)
+    assert np.isnan(found.length)
+
+
+@pytest.mark.parametrize(
+    ("section", "key"),
+    [
+        ('[mechanics]\nmodulus = "shear"', "mechanics.modulus"),
+        ('[lesion]\nedge = "sharp"', "lesion.edge"),
+        ("[acoustics]\nnonlinear = true", "acoustics.nonlinear"),
+    ],
+)
+def test_readings_that_are_tried_anyway_are_not_the_file_s_to_choose(section, key, tmp_path, capsys):
+    """Half of the rows would be of the file's, half of the paper's."""
+    lines = shipped("suomi2016_experiment").read_text().splitlines()
+    name = section.splitlines()[0]
+    if name in lines:
+        begun = lines.index(name)
+        lines[begun : begun + 1] = [*section.splitlines()]
+        wanted = section.splitlines()[1].split(" = ")[0]
+        lines = [line for i, line in enumerate(lines) if i <= begun + 1 or not line.startswith(f"{wanted} =")]
+    else:
+        lines += section.splitlines()
+    (tmp_path / "e.toml").write_text("\n".join(lines))
+    assert run(["reproduce", "--experiment", str(tmp_path / "e.toml"), "--out", str(tmp_path / "out")]) == 2
+    assert f"{key} is" in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
 def test_the_largest_variation_is_that_which_moves_most_either_way():

@@ -357,7 +357,10 @@ def test_command_designs_in_the_experiment_that_it_is_given(monkeypatch, tmp_pat
         return Design("confusable", {LAG: 0.5, DRIFT: -0.1}, alike, rated, (), (0.01,), given["seed"], ("a note.",))
 
     monkeypatch.setattr("inverse.commands.design.design_hmi", designed)
-    experiment, asking = shipped("suomi2016_experiment"), ["--causes", f"{LAG}, {DRIFT}", "--no-check", "--seed", "7"]
+    experiment = tmp_path / "low.toml"
+    text = shipped("suomi2016_experiment").read_text()
+    experiment.write_text(text.replace("frequency_mhz = 1.1", "frequency_mhz = 0.2"))
+    asking = ["--causes", f"{LAG}, {DRIFT}", "--no-check", "--seed", "7"]
     assert run(["design", str(experiment), "--hmi", str(file), *asking, "--out", str(out)]) == 0
     ((measured, described, given),) = asked
     assert len(measured.displacement) == 20 and described == read_experiment(experiment)
@@ -366,13 +369,14 @@ def test_command_designs_in_the_experiment_that_it_is_given(monkeypatch, tmp_pat
     }  # fmt: skip
     content, summary = (json.loads((out / name).read_text()) for name in ("design.json", "summary.json"))
     require_design_keys(content)
-    assert content["notes"] == ["Columns not used: operator.", "a note."]
+    unused, narrow, note = content["notes"]
+    assert (unused, note) == ("Columns not used: operator.", "a note.") and "as long as at 0.2 MHz" in narrow
     assert set(summary["inputs"]) == {"hmi", "experiment"} and summary["seed"] == 7
     assert summary["settings"] == {"causes": [LAG, DRIFT], "check": False}
     best = content["proposals"][0]
     assert summary["results"] == {"best": best["name"], "probability_right": best["probability_right"]}
     assert "curves.csv" in (out / "report.md").read_text() and (out / "design.pdf").exists()
-    table = [line for line in capsys.readouterr().out.splitlines() if "%" in line]
+    table = [line for line in capsys.readouterr().out.splitlines() if "%" in line and "MHz" not in line]
     assert "nothing more" in table[0] and "degC" in table[1] and len(table) == 3
 
 
