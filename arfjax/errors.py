@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import numpy as np
 from jax.core import Tracer
 
@@ -32,6 +33,14 @@ def lies_within(value: Any, least: float, largest: float = np.inf, *, above: boo
         return True
     numbers = np.asarray(value)
     return bool(np.all((numbers > least if above else numbers >= least) & (numbers <= largest)))
+
+
+def as_known(values: Any) -> Any:
+    """An array that is not traced as one of numpy, anything else as it is.
+
+    Under a transformation even an index into an array that is not traced is, and could not be looked at.
+    """
+    return np.asarray(values) if isinstance(values, jax.Array) and not isinstance(values, Tracer) else values
 
 
 class ExtrapolationWarning(UserWarning):

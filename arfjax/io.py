@@ -17,6 +17,7 @@ from arfjax.acoustics.intensity import (
 )
 from arfjax.acoustics.power import power_budget
 from arfjax.acoustics.waveform import peak_pressures, readout, waveform
+from arfjax.errors import InputError
 from arfjax.grid import AxisymmetricGrid
 from arfjax.laws import SMALLEST_DAMAGE
 from arfjax.mechanics.elements.mesh import Mesh
@@ -34,6 +35,8 @@ MAPPED_HARMONICS = 5
 
 _FEWEST_INSTANTS = 128
 _INSTANTS_PER_HARMONIC = 8
+
+_SAME_TEMPERATURE_K = 1e-6
 
 VARIABLES = {
     "pressure_amplitude": ("Pa", "peak amplitude of the pressure of each harmonic"),
@@ -293,10 +296,20 @@ def transient_dataset(
 
 
 def stepwise_dataset(result: StepwiseResult, protocol: StepwiseProtocol, reference_temperature: float) -> xr.Dataset:
-    """Displacement and lesion of every step; the reference temperature [degC] must be one of the steps'."""
+    """Displacement and lesion of every step, in percent of that at one of them, at a reference temperature [degC].
+
+    Raises:
+        InputError: if none of the steps is at that temperature.
+    """
     temperature = np.asarray(result.temperature)
     displacement = np.asarray(result.displacement)
-    reference = displacement[int(np.argmin(np.abs(temperature - reference_temperature)))]
+    nearest = int(np.argmin(np.abs(temperature - reference_temperature)))
+    if abs(temperature[nearest] - reference_temperature) > _SAME_TEMPERATURE_K:
+        raise InputError(
+            f"`reference_temperature` {reference_temperature:g} degC is that of no step; the nearest is at "
+            f"{temperature[nearest]:g} degC. Take that, or a step more."
+        )
+    reference = displacement[nearest]
     history = np.asarray(result.displacement_history)
     variables = {
         "focal_displacement": (("step_temperature", "push_time"), history),

@@ -235,6 +235,10 @@ WRONG = {
         ("time_constant_s = 0.2", "viscous_fraction = 0.5"),
         "`sonication.thermocouple`: viscous_fraction 0.5 has no effect at viscous_time_constant_s 0",
     ),
+    "an artefact of nothing": (
+        ("time_constant_s = 0.2", "viscous_time_constant_s = 2.0"),
+        "viscous_time_constant_s 2 has no effect without viscous_fraction",
+    ),
     "percent for a share": (
         ("time_constant_s = 0.2", "viscous_fraction = 81.0"),
         "`sonication.thermocouple.viscous_fraction`: expected 0 to 10, got 81",
@@ -330,3 +334,22 @@ def test_damaged_files_are_read_or_refused_in_one_line(tmp_path):
             refused += 1
             assert re.match(re.escape(f"{path}: ") + r"[^\n\r\x1b]+\Z", str(error))
     assert refused > 100
+
+
+def test_a_thermocouple_lies_where_heat_is_followed(tmp_path):
+    """It was refused only after the sonication, by a line that named no key of the file."""
+    thin = changed(("time_constant_s = 0.2", "axial_offset_mm = 4.0"), ("thickness_mm = 40.0", "thickness_mm = 22.5"))
+    said = refusal(write(tmp_path, thin))
+    assert "sonication.thermocouple reaches from 66.475 to 66.725 mm" in said and "axial_offset_mm" in said
+
+
+@pytest.mark.parametrize("line", ['heat_constants = "warming"', "coagulation_doubles_attenuation = true"])
+def test_water_is_no_tissue(tmp_path, line):
+    assert f"{line.split()[0]} is of tissue" in refusal(
+        write(tmp_path, changed(('tissue = "water"', f'tissue = "water"\n{line}')))
+    )
+
+
+def test_linear_sound_does_not_steepen(tmp_path):
+    text = changed(acoustics('nonlinear = false\nsteepening = "along-axis"'))
+    assert "linear sound does not steepen" in refusal(write(tmp_path, text))

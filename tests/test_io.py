@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from arfjax import InputError, StepwiseProtocol, StepwiseResult
 from arfjax.acoustics.intensity import force_density_of_intensity, heat_deposition, radiation_force_density
 from arfjax.experiment import read_experiment
 from arfjax.figures import draw_field, draw_sound
@@ -17,6 +18,7 @@ from arfjax.io import (
     field_dataset,
     full_field_dataset,
     push_dataset,
+    stepwise_dataset,
     write_netcdf,
 )
 from arfjax.mechanics.transient.shear_waves import strain_on_grid
@@ -127,6 +129,17 @@ def test_strains_of_a_push_have_their_own_names():
     for name, exact in (("radial", r), ("hoop", 0.5 * r), ("axial", -3e-3), ("shear", 7e-3)):
         np.testing.assert_allclose(data[f"{name}_strain"], np.broadcast_to(exact, (4, 5)), rtol=1e-9, atol=1e-15)
     assert (data.attrs["lesion_length_m"], data.attrs["lesion_diameter_m"]) == (4e-3, 2e-3)
+
+
+def test_percent_are_of_a_step_that_was_made():
+    result = StepwiseResult(
+        jnp.asarray([35.0, 45.0, 55.0]), jnp.arange(3.0), jnp.asarray([[0.0, 10e-6], [0.0, 8e-6], [0.0, 6e-6]]),
+        jnp.zeros(3), jnp.zeros(3),
+    )  # fmt: skip
+    percent = stepwise_dataset(result, StepwiseProtocol(), 45.0)["displacement_percent"]
+    np.testing.assert_allclose(percent, [125.0, 100.0, 75.0], rtol=1e-12)
+    with pytest.raises(InputError, match="48 degC is that of no step; the nearest is at 45 degC"):
+        stepwise_dataset(result, StepwiseProtocol(), 48.0)
 
 
 def test_files_hold_what_was_written(nonlinear, tmp_path):

@@ -41,6 +41,8 @@ def blackstock(n: Harmonics, sigma: float) -> Amplitudes:
     Accuracy: rounding.
     Source: Blackstock, J. Acoust. Soc. Am. 39 (1966) 1019.
     """
+    if sigma == 0.0:
+        return fubini(n, sigma)
     shock = 0.0
     if sigma > 1.0:
         shock = optimize.root_scalar(lambda x: np.sinc(x / np.pi) - 1.0 / sigma, bracket=(0.0, np.pi), xtol=1e-15).root

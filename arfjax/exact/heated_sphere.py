@@ -48,6 +48,8 @@ def heated_sphere_rise(
     diffusivity = float(medium.conductivity / medium.heat_capacity)
     loss_rate = float(medium.perfusion_conductance / medium.heat_capacity)
     away = np.asarray(distance, dtype=float)
+    if time == 0.0:
+        return np.zeros_like(away)
 
     def left(root_age: float) -> Float[np.ndarray, "..."]:
         # In the root of the age, in which the heat just deposited is smooth too: ds = 2 root d(root).

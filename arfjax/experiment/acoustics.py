@@ -55,6 +55,8 @@ class AcousticsSection(Section):
                 f"harmonics {self.harmonics} cannot be carried by linear sound; leave harmonics out or set nonlinear = "
                 "true"
             )
+        if self.nonlinear is False and "steepening" in self.model_fields_set:
+            raise ValueError("linear sound does not steepen; leave steepening out or set nonlinear = true")
         if self.diffraction != "exact" and "steepening" in self.model_fields_set and self.steepening == "along-ray":
             raise ValueError(
                 f'steepening "along-ray" needs diffraction "exact": "{self.diffraction}" has only "along-axis"'

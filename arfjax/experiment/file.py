@@ -22,7 +22,13 @@ from arfjax.experiment.numbers import Celsius, Millimetres, Number, Section, bet
 from arfjax.experiment.sonication import SonicationSection
 from arfjax.mechanics.modulation import SineIntensity, SinePressure, Square
 from arfjax.model import Layer, Model
-from arfjax.protocols.discretisation import RIM_TO_HEAT, RIM_TO_START, Discretisation, relative_wavelengths
+from arfjax.protocols.discretisation import (
+    HEAT_REACH,
+    RIM_TO_HEAT,
+    RIM_TO_START,
+    Discretisation,
+    relative_wavelengths,
+)
 from arfjax.protocols.stepwise import StepwiseProtocol
 from arfjax.transducer import Drive, FocusedBowl
 
@@ -105,6 +111,15 @@ class LayerSection(Section):
     coagulation_doubles_attenuation: Annotated[bool, Strict()] = False
     heat_constants: Literal["constant", "warming"] = "constant"
 
+    @model_validator(mode="after")
+    def _water_is_no_tissue(self) -> "LayerSection":
+        if self.tissue != "water":
+            return self
+        for key in ("coagulation_stops_perfusion", "coagulation_doubles_attenuation", "heat_constants"):
+            if getattr(self, key) not in (False, "constant"):
+                raise ValueError(f"{key} is of tissue, and this layer is of water; leave it out")
+        return self
+
 
 class Protocol(Section):
     """The paper's stepwise protocol."""
@@ -163,6 +178,21 @@ class Experiment(Section):
             raise ValueError(
                 f"the first layer must hold the bowl: its thickness_mm counts from the bowl's apex and must exceed "
                 f"{needed:.4g}, past the rim, got {self.layers[0].thickness_mm:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _thermocouple_is_where_heat_is_followed(self) -> "Experiment":
+        couple, focus, reach = self.sonication.thermocouple, self.transducer.focal_length_mm, 1e3 * HEAT_REACH
+        back = sum(layer.thickness_mm for layer in self.layers)
+        first = max(focus - reach, self.transducer.rim_depth_mm + 1e3 * RIM_TO_HEAT)
+        last = min(focus + reach, back)
+        middle, radius = focus + couple.axial_offset_mm, 0.5 * couple.junction_diameter_mm
+        if not first <= middle - radius <= middle + radius <= last:
+            raise ValueError(
+                f"sonication.thermocouple reaches from {middle - radius:g} to {middle + radius:g} mm, and heat is "
+                f"followed from {first:.4g} to {last:.4g} mm from the bowl's apex, within the layers; change its "
+                "axial_offset_mm, or make the liver thicker"
             )
         return self
 

@@ -39,6 +39,11 @@ class ThermocoupleSection(Section):
                 f"viscous_fraction {self.viscous_fraction:g} has no effect at viscous_time_constant_s 0; give the time "
                 "with which the artefact drains, or no fraction"
             )
+        if self.viscous_fraction == 0.0 and self.viscous_time_constant_s > 0.0:
+            raise ValueError(
+                f"viscous_time_constant_s {self.viscous_time_constant_s:g} has no effect without viscous_fraction; "
+                "give the share of the absorbed power that heats the thermocouple, or no time constant"
+            )
         return self
 
     def instrument(self) -> Thermocouple:

@@ -25,7 +25,7 @@ _LARGEST_THICKNESS, _LARGEST_AREA = 0.3, 0.1
 """[m], [m^2]; no clamp takes more, but millimetres given by their number are."""
 
 _N_TERMS = 20
-"""Terms of the series for a rectangle's pressure: the rest is below 3e-9 of the first, as the fifth power goes."""
+"""Terms of the series for a rectangle's pressure: the rest is 5e-8 of the first, as the fifth power goes."""
 
 Modulus = Complex[Array, "*sample frequency"] | Complex[np.ndarray, "*sample frequency"]
 AngularFrequency = Float[Array, "_"] | Float[np.ndarray, "_"]

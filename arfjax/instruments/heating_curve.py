@@ -9,7 +9,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from arfjax.errors import InputError
+from arfjax.errors import InputError, as_known
 from arfjax.media import Scalar
 
 Readings = Float[Array, "_"] | Float[np.ndarray, "_"]
@@ -101,6 +101,7 @@ def _require_curve(temperature: Readings, curve: Readings, reference: Scalar) ->
         raise InputError(
             f"`temperature` and `curve` must be of one length, 2 or more, got {len(temperature)} and {len(curve)}."
         )
+    temperature, reference = as_known(temperature), as_known(reference)
     if isinstance(temperature, Tracer) or isinstance(reference, Tracer):
         return
     if not (np.all(np.diff(temperature) > 0.0) and np.isfinite(temperature[-1])):

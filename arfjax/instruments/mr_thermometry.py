@@ -7,7 +7,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from arfjax.errors import InputError
+from arfjax.errors import InputError, as_known
 from arfjax.grid import AxisymmetricGrid
 from arfjax.instruments.sampling import (
     axial_weights,
@@ -27,6 +27,7 @@ N_POINTS = 16
 _OVERSHOOT = 1e-9
 """How far a frame may reach beyond the history, relative to its length: rounding of sums of steps."""
 
+Times = Float[Array, "_"] | Float[np.ndarray, "_"]
 FrameTimes = Float[Array, " frame"] | Float[np.ndarray, " frame"]
 
 
@@ -91,14 +92,17 @@ class MagneticResonanceThermometer(eqx.Module):
         """
         require_field("history.temperature", history.temperature.shape, grid)
         voxel = mean_over(self._weights(grid, z), history.temperature)
-        shown = frame_means(history.time, voxel, jnp.asarray(frame_times), self.acquisition_time)
+        shown = frame_means(history.time, voxel, frame_times, self.acquisition_time)
         if key is None:
             return shown
         return shown + self.noise_sd * jax.random.normal(key, shown.shape, shown.dtype)
 
     def _weights(self, grid: AxisymmetricGrid, z: Scalar) -> Float[Array, "r z"]:
-        middle, half = z + self.axial_offset, 0.5 * self.length
-        corner = jnp.hypot(abs(self.lateral_offset) + 0.5 * self.width, 0.5 * self.height)
+        middle, half = as_known(z) + as_known(self.axial_offset), 0.5 * as_known(self.length)
+        across, up = abs(as_known(self.lateral_offset)) + 0.5 * as_known(self.width), 0.5 * as_known(self.height)
+        # By numpy where nothing is traced, as what jnp computes is under any transformation, and could not be refused.
+        traced = isinstance(across, Tracer) or isinstance(up, Tracer)
+        corner = jnp.hypot(across, up) if traced else np.hypot(across, up)
         require_inside("voxel", grid, radius=corner, near=middle - half, far=middle + half)
         nodes, weights = gauss_legendre(N_POINTS)
         x = (self.lateral_offset + 0.5 * self.width * nodes)[:, None]
@@ -140,7 +144,7 @@ def slice_across_beam(
 def frame_means(
     time: Float[Array, " time"],
     values: Float[Array, " time"],
-    frame_times: Float[Array, " frame"],
+    frame_times: FrameTimes,
     duration: Scalar,
 ) -> Float[Array, " frame"]:
     """Means of values that are linear between `time` over windows of `duration` around `frame_times` [s].
@@ -150,9 +154,11 @@ def frame_means(
     Raises:
         InputError: if a window reaches out of `time` (where these are not traced).
     """
+    frame_times = frame_times if isinstance(frame_times, Tracer) else np.asarray(frame_times)
+    duration = as_known(duration)
     start, stop = frame_times - 0.5 * duration, frame_times + 0.5 * duration
-    _require_frames(time, start, stop)
-    return _window_means(time, values, frame_times, start, stop)
+    _require_frames(as_known(time), start, stop)
+    return _window_means(time, values, *(jnp.asarray(each) for each in (frame_times, start, stop)))
 
 
 @jax.jit
@@ -170,12 +176,12 @@ def _window_means(time: Array, values: Array, middles: Array, start: Array, stop
     return jnp.where(lasting, means, jnp.interp(middles, time, values))
 
 
-def _require_frames(time: Array, start: Array, stop: Array) -> None:
+def _require_frames(time: Times, start: Times, stop: Times) -> None:
     if start.size == 0 or any(isinstance(each, Tracer) for each in (time, start, stop)):
         return
     slack = _OVERSHOOT * (time[-1] - time[0])
-    if not (jnp.min(start) >= time[0] - slack and jnp.max(stop) <= time[-1] + slack):
+    if not (np.min(start) >= time[0] - slack and np.max(stop) <= time[-1] + slack):
         raise InputError(
-            f"`frame_times` need temperatures from {jnp.min(start):g} to {jnp.max(stop):g} s, the history has them "
+            f"`frame_times` need temperatures from {np.min(start):g} to {np.max(stop):g} s, the history has them "
             f"from {time[0]:g} to {time[-1]:g} s. Minutes? Pass seconds; or simulate longer."
         )

@@ -7,7 +7,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from arfjax.errors import InputError
+from arfjax.errors import InputError, as_known, lies_within
 from arfjax.grid import AxisymmetricGrid
 from arfjax.instruments.sampling import mean_over, point_weights, require, require_field, require_inside
 from arfjax.media import Scalar, Values
@@ -106,13 +106,14 @@ class Thermocouple(eqx.Module):
                 "a thermocouple with a `viscous_fraction` needs `heat` [W/m^3] and `heat_capacity` [J/(m^3 K)] of the "
                 "tissue; pass both, or set `viscous_fraction` to 0."
             )
+        _require_power(power, len(intervals))
         rate = self.viscous_fraction * _heating_rate(weights, heat, heat_capacity, grid, len(intervals)) * power
         decay, mean = relaxation(intervals, self.viscous_time_constant)
         return shown + _accumulate(decay, intervals * mean * rate)
 
     def _weights(self, grid: AxisymmetricGrid, z: Scalar) -> Float[Array, "r z"]:
-        radius, middle = 0.5 * self.junction_diameter, z + self.axial_offset
-        reach = abs(self.radial_offset) + radius
+        radius, middle = 0.5 * as_known(self.junction_diameter), as_known(z) + as_known(self.axial_offset)
+        reach = abs(as_known(self.radial_offset)) + radius
         require_inside("thermocouple", grid, radius=reach, near=middle - radius, far=middle + radius)
         across, up, along, shares = _ball()
         squared_radius = (self.radial_offset + radius * across) ** 2 + (radius * up) ** 2
@@ -151,6 +152,15 @@ def _accumulate(decay: Float[Array, " interval"], gain: Float[Array, " interval"
     start = jnp.zeros((), dtype=jnp.result_type(gain, decay))
     _, states = jax.lax.scan(step, start, (decay, gain))
     return jnp.concatenate([start[None], states])
+
+
+def _require_power(power: Scalar | np.ndarray | Array, n_intervals: int) -> None:
+    if not lies_within(power, 0.0, np.finfo(float).max):
+        raise InputError("`power` must be a finite number not below 0 [1], at every interval; correct it.")
+    if np.ndim(power) > 0 and np.shape(power) != (n_intervals,):
+        raise InputError(
+            f"`power` has shape {np.shape(power)} for {n_intervals} intervals between times; pass one for each, or one."
+        )
 
 
 def _heating_rate(

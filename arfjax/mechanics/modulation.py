@@ -142,7 +142,8 @@ class Square(Modulation):
     def force(self, phase: Phase) -> Float[Array, "*time"]:
         """See `Modulation`."""
         from_middle = jnp.abs(jnp.mod(jnp.asarray(phase) + np.pi, 2.0 * np.pi) - np.pi)
-        return jnp.where(from_middle < np.pi * self.duty_cycle, 1.0, 0.0)
+        # A beam that is never off is on in the one phase farthest from the middle, too.
+        return jnp.where((from_middle < np.pi * self.duty_cycle) | (jnp.asarray(self.duty_cycle) >= 1.0), 1.0, 0.0)
 
     def impulse(self, phase: Phase) -> Float[Array, "*time"]:
         """See `Modulation`."""

@@ -30,7 +30,8 @@ def bessel_j0(x: Inexact[Array, "..."]) -> Inexact[Array, "..."]:
     Args:
         x: Real, or complex with an imaginary part of at most about 1 (an absorbing medium's k r).
 
-    Accuracy: 2e-14 absolute in float64 for real x (times the growth of J0 itself for complex x).
+    Accuracy: 2e-14 absolute in float64 for real x (times the growth of J0 itself for complex x); 2e-11 at an imaginary
+    part of 1.
     Differentiability: everywhere, 0 included; the derivative is -J1.
     """
     return _evaluate(0, x)

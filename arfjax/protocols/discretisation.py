@@ -31,7 +31,7 @@ LIVER_RADIUS = 21e-3  # m; the paper's liver is 42 mm wide
 RIM_TO_START = 3.2e-3  # m; from the bowl's rim to the march's start
 RIM_TO_HEAT = 5e-3  # m; from the bowl's rim to the first heated cell
 _SAME_FACE = 1e-6  # m; an interface as near to a wall as that is the wall
-_HEAT_REACH = 20e-3  # m; heat spreads sqrt(4 D t) = 6 mm in 60 s, so the walls are three times further than it gets
+HEAT_REACH = 20e-3  # m; heat spreads sqrt(4 D t) = 6 mm in 60 s, so the walls are three times further than it gets
 # Beyond minutes walls that stay as warm as at the start cool tissue without blood flow: see `discretise`.
 
 
@@ -242,13 +242,13 @@ def relative_wavelengths(aperture_radius: float, frequency: float) -> float:
 
 
 def _heat_grid(model: Model, focus: float, refinement: float, beam: float) -> AxisymmetricGrid:
-    start = max(focus - _HEAT_REACH, float(model.bowl.rim_depth) + RIM_TO_HEAT)
-    stop = min(focus + _HEAT_REACH, model.liver_depth + model.liver_thickness)
+    start = max(focus - HEAT_REACH, float(model.bowl.rim_depth) + RIM_TO_HEAT)
+    stop = min(focus + HEAT_REACH, model.liver_depth + model.liver_thickness)
     widest = 1.5e-3 / refinement
     z_faces = graded_positions(start, stop, focus, finest=0.4e-3 * beam / refinement, growth=1.1, coarsest=widest)
     depths = np.cumsum([layer.thickness for layer in model.path])
     inside = [depth for depth in depths if start + _SAME_FACE < depth < stop - _SAME_FACE]
-    r_faces = graded_positions(0.0, _HEAT_REACH, 0.0, finest=0.1e-3 * beam / refinement, growth=1.1, coarsest=widest)
+    r_faces = graded_positions(0.0, HEAT_REACH, 0.0, finest=0.1e-3 * beam / refinement, growth=1.1, coarsest=widest)
     return AxisymmetricGrid(r_faces, _with_faces(z_faces, inside))
 
 

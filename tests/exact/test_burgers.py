@@ -34,7 +34,7 @@ def test_it_starts_as_a_sine(solution):
 
 def test_blackstock_is_fubini_before_the_shock_and_the_sawtooth_far_beyond():
     n = np.arange(1, 40)
-    for sigma in (0.3, 0.9, 1.0):
+    for sigma in (0.0, 0.3, 0.9, 1.0):
         np.testing.assert_allclose(blackstock(n, sigma), fubini(n, sigma), rtol=0.0, atol=1e-14)
     far = blackstock(n, 1e3)
     np.testing.assert_allclose(far, 2.0 / (n * 1001.0), rtol=1e-4)

@@ -52,6 +52,10 @@ def test_closed_form_without_perfusion(time):
     np.testing.assert_allclose(rise, bloodless_closed_form(DISTANCES, time), rtol=1e-9, atol=1e-11 * rise.max())
 
 
+def test_nothing_is_warm_at_first():
+    np.testing.assert_array_equal(heated_sphere_rise(DISTANCES, 0.0, MEDIUM, **SPHERE), np.zeros(len(DISTANCES)))
+
+
 def test_steady_state_with_perfusion():
     rise = heated_sphere_rise(DISTANCES, 4000.0, MEDIUM, **SPHERE)
     np.testing.assert_allclose(rise, steady_with_perfusion(DISTANCES), rtol=1e-11)

@@ -104,8 +104,8 @@ def refined_edges(
     """Edges from `start` to `stop` [m] whose spacing is `finest` at `focus` and grows smoothly away from it.
 
     Unlike `arfjax.grid.graded_positions`, which stretches each side to end where it should, both sides start with
-    `finest` and their growth is lowered so that they end there. No two neighbours differ by more than `growth`, but at
-    a focus nearer to an end than its finest part: that side is cut into even intervals as near to `finest` as can be.
+    `finest` and their growth is lowered so that they end there. No two neighbours differ by more than `growth`, but
+    beside a side that is too short to grow on, as at a focus near an end: that side is cut into even intervals.
 
     Args:
         start: First edge [m].

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from arfjax.grid import AxisymmetricGrid
 from arfjax.mechanics.explicit.grid import Layout
 from arfjax.mechanics.explicit.settings import ExplicitSettings
-from arfjax.mechanics.explicit.solver import assemble_push
+from arfjax.mechanics.explicit.solver import assemble_push, course_of
 from arfjax.mechanics.explicit.stencil import LatticeSolid, State, Strain, advance, at_rest, internal_force, strain_of
 from arfjax.mechanics.material.viscoelastic import ViscoelasticField
 from arfjax.numerics.decay import mean_decay
@@ -55,7 +55,8 @@ def energy_balance(
         settings: As there; maps and checkpoints do nothing.
         others: `radial_force`, `amplitude`, `walls`, `damping`, as there.
     """
-    solid, force, weights = assemble_push(grid, material, axial_force, settings=settings, **others)
+    amplitude = course_of(others.pop("amplitude", None), settings, material.density.dtype)
+    solid, force, weights = assemble_push(grid, material, axial_force, settings=settings, amplitude=amplitude, **others)
     branches = _Branches(Layout(grid), material, settings.time_step)
     bulk = Layout(grid).cells(material.bulk_modulus * jnp.asarray(grid.volumes, material.density.dtype))
     relaxed = Layout(grid).cells(material.relaxed_shear_modulus * jnp.asarray(grid.volumes, material.density.dtype))

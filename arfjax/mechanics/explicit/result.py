@@ -3,6 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from arfjax.media import Scalar
@@ -38,7 +39,9 @@ class ExplicitConvergence(eqx.Module):
         said = []
         if not float(self.courant_number) <= 1.0:
             said.append(f"the steps are unstable ({self.courant_number:.2g} of the longest stable one): shorten them")
-        if not float(self.error) <= tolerance:
+        if np.isnan(float(self.error)):
+            said.append("the error of its cells was not estimated: pass `estimate_error=True`")
+        elif not float(self.error) <= tolerance:
             said.append(f"the cells are too large (error {self.error:.1e}): halve them, or use `extrapolated`")
         return "; ".join(said)
 

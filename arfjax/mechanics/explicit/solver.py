@@ -105,8 +105,7 @@ def solve_push_explicitly(
     material = jax.tree.map(lambda leaf: jnp.asarray(leaf, material.density.dtype), material)
     axial, radial = _checked_forces(grid, material, axial_force, radial_force)
     _refuse_points_outside(grid, points)
-    if callable(amplitude):
-        amplitude = amplitude(jnp.asarray(settings.times, material.density.dtype))
+    amplitude = course_of(amplitude, settings, material.density.dtype)
     coarse_grid, coarse_settings = (coarsened(grid), settings.doubled) if estimate_error else (None, None)
     courant_number = _checked_courant_number(grid, material, settings)
     others = {"walls": walls, "damping": damping}
@@ -207,6 +206,11 @@ def _time_weights(settings: ExplicitSettings, amplitude: Amplitude, dtype: jnp.d
     return jnp.concatenate([first, (amplitude[:-2] + 4.0 * amplitude[1:-1] + amplitude[2:]) / 6.0])
 
 
+def course_of(amplitude: Amplitude | Callable[[Array], Array], settings: ExplicitSettings, dtype: Any) -> Amplitude:
+    """Values of an amplitude that may be a function of time [s]."""
+    return amplitude(jnp.asarray(settings.times, dtype)) if callable(amplitude) else amplitude
+
+
 def assemble_push(
     grid: AxisymmetricGrid,
     material: ViscoelasticField,
@@ -276,7 +280,9 @@ def _weight_at_end(settings: ExplicitSettings, amplitude: Amplitude) -> Scalar:
     if amplitude is not None:
         values = jnp.asarray(amplitude)
         return (2.0 * values[-1] + values[-2]) / 3.0  # from the mean velocity of the last step to that at its end
-    return float(settings.push_duration >= settings.times[-1] * (1.0 - 1e-9))
+    # Of a push that ends within the last step: what its mean force of a hat lacks of the velocity at the end.
+    end, step = settings.times[-1], settings.time_step
+    return float(np.clip((settings.push_duration - (end - step)) / step, 0.0, 1.0)) ** 2
 
 
 def _observer(layout: Layout, points: Float[np.ndarray, "point 2"], dtype: jnp.dtype):

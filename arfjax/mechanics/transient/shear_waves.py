@@ -19,7 +19,7 @@ def arrival_times(
     A parabola through the highest sample and its neighbours places the peak between samples.
 
     Args:
-        time: Evenly spaced, at least five [s].
+        time: Ascending, at least five; spaced as unevenly as they like [s].
         displacement: Along the push [m].
 
     Returns:
@@ -34,10 +34,13 @@ def arrival_times(
     inside = (highest >= _AT_THE_EDGE) & (highest < len(time) - _AT_THE_EDGE)
     centre = jnp.where(inside, highest, _AT_THE_EDGE)
     before, at, after = (jnp.take_along_axis(displacement, (centre + shift)[None], axis=0)[0] for shift in (-1, 0, 1))
-    bend = before - 2.0 * at + after
+    steps = jnp.diff(jnp.asarray(time))
+    step, next_step = steps[centre - 1], steps[centre]
+    rise, next_rise = (at - before) / step, (after - at) / next_step
+    bend = next_rise - rise
     curved = inside & (bend < 0.0)
-    offset = 0.5 * (before - after) / jnp.where(curved, bend, 1.0)
-    return jnp.where(curved, time[0] + (centre + offset) * (time[1] - time[0]), jnp.nan)
+    offset = -0.5 * (rise * next_step + next_rise * step) / jnp.where(curved, bend, 1.0)
+    return jnp.where(curved, jnp.asarray(time)[centre] + offset, jnp.nan)
 
 
 def of_one_front(arrival: Float[Array, " r"]) -> Float[Array, " r"]:

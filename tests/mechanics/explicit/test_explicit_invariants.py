@@ -6,6 +6,7 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
 from arfjax.grid import AxisymmetricGrid
@@ -73,6 +74,32 @@ def test_a_free_body_moves_as_newton_says_at_every_step():
     expected = np.broadcast_to(exact[:, None], result.axial_displacement_on_axis.shape)
     np.testing.assert_allclose(result.axial_displacement_on_axis, expected, rtol=1e-9)
     np.testing.assert_allclose(result.velocity[..., 1], 30.0 * push, rtol=1e-9)
+
+
+@pytest.mark.parametrize("within", [0.02, 0.5, 0.95])
+def test_a_free_body_is_as_fast_as_newton_says_wherever_in_the_last_step_the_push_ends(within):
+    grid, material = small_grid(), uneven_material(small_grid())
+    settings = dataclasses.replace(SMALL, push_duration=(SMALL.n_steps - 1 + within) * SMALL.time_step)
+    solid, _, _ = assemble_push(grid, material, small_force(grid), settings=settings)
+    volumes = Layout(grid).sum_at_nodes(jnp.asarray(grid.volumes))
+    force = 30.0 * Layout(grid).nodes(solid.mass) / volumes
+    result = run(material, force, settings=settings, walls=FREE, layer=None)
+    np.testing.assert_allclose(result.velocity[..., 1], 30.0 * settings.push_duration, rtol=1e-9)
+
+
+def test_energies_are_of_the_same_run_whichever_way_its_course_is_given():
+    """As a function of time, or as that function's values."""
+
+    def course(time):
+        return jnp.sin(3e3 * time)
+
+    grid, material = small_grid(), uneven_material(small_grid())
+    found = [
+        energy_balance(grid, material, jnp.asarray(small_force(grid)), settings=SMALL, amplitude=each)
+        for each in (course, course(jnp.asarray(SMALL.times)))
+    ]
+    jax.tree.map(lambda one, other: np.testing.assert_allclose(one, other, rtol=1e-12), *found)
+    assert float(jnp.sum(found[0].work)) > 0.0
 
 
 def test_a_free_body_in_a_layer_slows_down_exponentially_to_second_order():

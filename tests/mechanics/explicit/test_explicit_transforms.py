@@ -48,7 +48,7 @@ def test_maps_points_focus_and_checkpoints_tell_the_same():
     np.testing.assert_allclose(result.axial_displacement_on_axis[12::12], result.maps[:, 0, :, 1], rtol=1e-13)
     np.testing.assert_allclose(result.map_time, result.time[12::12], rtol=1e-14)
     assert result.time[0] == 0.0 and float(jnp.max(jnp.abs(result.displacement_at_points[0]))) == 0.0
-    assert np.isnan(result.convergence.error) and result.convergence.shortcoming(1.0) != ""
+    assert np.isnan(result.convergence.error) and "was not estimated" in result.convergence.shortcoming(1.0)
     plain = run(material, settings=ExplicitSettings(2e-5, 24, 3.1e-4))
     np.testing.assert_allclose(plain.maps[-1], result.maps[-1], rtol=1e-11, atol=1e-18)
 

@@ -64,6 +64,7 @@ def test_a_sine_of_the_pressure_pushes_at_twice_the_frequency_too():
     pressure = np.cos(0.5 * np.linspace(0.0, 7.0, 50))
     np.testing.assert_allclose(SineIntensity(1.0).force(np.linspace(0.0, 7.0, 50)), pressure**2, atol=1e-14)
     assert [m.orders(None) for m in (SinePressure(), SineIntensity())] == [(1, 2), (1,)]
+    np.testing.assert_array_equal(Square(1.0).force(np.linspace(-np.pi, np.pi, 9)), 1.0)
     assert Square(0.5).orders(6) == (1, 3, 5) and Square(0.4).orders(None) == tuple(range(1, 16))
 
 
