@@ -1,5 +1,7 @@
 """Magnetic-resonance thermometry: the mean over a voxel and over the time of a frame, with noise."""
 
+import math
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -100,9 +102,9 @@ class MagneticResonanceThermometer(eqx.Module):
     def _weights(self, grid: AxisymmetricGrid, z: Scalar) -> Float[Array, "r z"]:
         middle, half = as_known(z) + as_known(self.axial_offset), 0.5 * as_known(self.length)
         across, up = abs(as_known(self.lateral_offset)) + 0.5 * as_known(self.width), 0.5 * as_known(self.height)
-        # By numpy where nothing is traced, as what jnp computes is under any transformation, and could not be refused.
+        # What jnp computes under a transformation is traced, whatever of, and could not be refused.
         traced = isinstance(across, Tracer) or isinstance(up, Tracer)
-        corner = jnp.hypot(across, up) if traced else np.hypot(across, up)
+        corner = jnp.hypot(across, up) if traced else math.hypot(float(across), float(up))
         require_inside("voxel", grid, radius=corner, near=middle - half, far=middle + half)
         nodes, weights = gauss_legendre(N_POINTS)
         x = (self.lateral_offset + 0.5 * self.width * nodes)[:, None]
