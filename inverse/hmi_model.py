@@ -138,7 +138,7 @@ def plan_sweeps(data: HmiData, protocol: StepwiseProtocol, reference_temperature
 def _sweep_in_time(data: HmiData, protocol: StepwiseProtocol, reference_temperature: float) -> Sweep:
     assert data.time is not None  # the reader asks for time or temperature
     last = int(np.argmax(data.time))
-    if data.time[last] > protocol.duration:
+    if data.time[last] > (1.0 + _STILL) * protocol.duration:
         raise InputError(
             f"{data.place(last)}: {data.time[last]:g} s lies after the sonication's end at {protocol.duration:g} s; "
             "set `protocol.sonication_s`, or leave out what was read later."
@@ -149,7 +149,8 @@ def _sweep_in_time(data: HmiData, protocol: StepwiseProtocol, reference_temperat
             f"`reference_temperature_c`; {reference_temperature:g} degC must lie in the protocol's "
             f"{protocol.start_temperature:g} to {protocol.final_temperature:g} degC."
         )
-    states, places = np.unique(data.time, return_inverse=True)
+    # What was read just after the sonication ended is taken for its end.
+    states, places = np.unique(np.minimum(data.time, protocol.duration), return_inverse=True)
     return Sweep(protocol, reference_temperature, states, True, np.arange(len(data.time)), places)
 
 

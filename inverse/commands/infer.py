@@ -247,7 +247,15 @@ def _nearest(path: Path, sweeps: list[Sweep], temperature: float, *, each_sample
         )
     samples = dict.fromkeys(sweep.sample for sweep in sweeps)
     parts = [[s for s in sweeps if s.sample == sample] for sample in samples] if each_sample else [sweeps]
-    return [min(part, key=lambda sweep: abs(sweep.temperature_c - temperature)) for part in parts]
+    nearest = [min(part, key=lambda sweep: abs(sweep.temperature_c - temperature)) for part in parts]
+    for sweep in nearest if each_sample else ():
+        if abs(sweep.temperature_c - temperature) > _FARTHEST_SWEEP_K:
+            raise InputError(
+                f"--temperature {temperature:g}: the nearest sweep of sample {sweep.sample} in {path} is at "
+                f"{sweep.temperature_c:.1f} degC, and what temperature does would count as a difference of samples; "
+                "choose a temperature near one of every sample's, or leave its rows out."
+            )
+    return nearest
 
 
 def _described(path: Path, across: Across, varying: list[str]) -> tuple[Experiment, InferenceSettings]:

@@ -125,6 +125,8 @@ def _posterior_lines(study: Study, checked: Verification | None, remark: str) ->
     if study.draws is None or study.diagnostics is None:
         return [remark, ""] if remark else []
     lines = ["## Posterior", "", f"{study.draws.sampler}, seed {study.draws.seed}: {study.draws.message}.", ""]
+    if study.laplace is not None and not study.laplace.is_sound:
+        lines.append(f"- Normal approximation: {study.laplace.message}.")
     lines += [f"- {each}" for each in study.diagnostics.complaints]
     if study.evidence is not None:
         lines += [f"- {evidence_line(study.evidence)}"]

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from arfjax import InputError
 from arfjax.units import MODULUS_IN_PASCAL
 from inverse.datasets.copies import distinct_rows, said_of_copies
-from inverse.datasets.dma_checks import SWEEP_GAP, check_magnitudes, check_samples, check_signs, check_time
+from inverse.datasets.dma_checks import SWEEP_GAP, check_magnitudes, check_samples, check_signs, check_time, check_units
 from inverse.datasets.dma_moduli import moduli, unused_columns
 from inverse.datasets.table import TEMPERATURE_UNITS, TIME_UNITS, Columns, Quantity, read_columns, unused
 
@@ -214,6 +214,7 @@ def read_dma(path: Path | str, *, trust_units: bool = False, magnitude_only: boo
     frequency = _frequency(columns)
     storage, loss, magnitude = moduli(columns)
     check_signs(columns)
+    check_units(columns)
     if not trust_units:
         check_magnitudes(columns)
     check_samples(columns)

@@ -165,3 +165,17 @@ def check_time(columns: Columns) -> None:
                 "on, or leave the column out.",
                 column=columns.header("time"),
             )
+
+
+def check_units(columns: Columns) -> None:
+    """Refuse a modulus or a deviation without a unit beside one in another unit than the one assumed, Pa."""
+    moduli = [column for name, column in columns.found.items() if "modulus" in name]
+    scaled = [
+        column for column in moduli if column.unit is not None and column.quantity.units[column.unit.lower()] != 1.0
+    ]
+    for column in moduli:
+        if column.unit is None and scaled:
+            columns.table.refuse(
+                f"has no unit, where '{scaled[0].header}' is in {scaled[0].unit}; name its unit in the header.",
+                column=column.header,
+            )

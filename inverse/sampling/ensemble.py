@@ -154,7 +154,7 @@ def sample_ensemble(
         raise InputError(
             "a walker starts where the log density is not finite: take starts from `walkers_from_laplace`."
         )
-    before = _prepare(file, problem, start, seed)
+    before = _prepare(file, problem, start, seed, _in_words(moves))
     backend = Backend() if file is None else _BlockBackend(file)
     sampler = emcee.EnsembleSampler(
         len(start), start.shape[1], evaluate, vectorize=True, backend=backend, moves=moves or emcee.moves.DEMove()
@@ -171,6 +171,11 @@ def sample_ensemble(
         done += steps
     looks.met(sampler, done)
     return _result(sampler, looks, seed, done, before + time.monotonic() - begun)
+
+
+def _in_words(moves: list[tuple[emcee.moves.Move, float]] | None) -> str:
+    """By which a run that is resumed is told from one with other moves."""
+    return ", ".join(f"{type(move).__name__} {weight:g}" for move, weight in moves or [(emcee.moves.DEMove(), 1.0)])
 
 
 def _check_moves(moves: list[tuple[emcee.moves.Move, float]] | None) -> None:
@@ -191,11 +196,11 @@ def _check_walkers(problem: Problem, start: Float[np.ndarray, "walker n"]) -> No
         )
 
 
-def _prepare(file: Path | None, problem: Problem, start: Float[np.ndarray, "walker n"], seed: int) -> float:
+def _prepare(file: Path | None, problem: Problem, start: Float[np.ndarray, "walker n"], seed: int, moves: str) -> float:
     """A file for the run, begun or found; the time that earlier sittings took [s]."""
     if file is None:
         return 0.0
-    settings: dict[str, str | int | float] = {"sampler": "emcee", "seed": seed, "walkers": len(start)}
+    settings: dict[str, str | int | float] = {"sampler": "emcee", "seed": seed, "walkers": len(start), "moves": moves}
     if not file.exists():
         backend = _BlockBackend(file)
         backend.create(len(start), start.shape[1], {**fingerprint(problem), **settings, "seconds": 0.0})

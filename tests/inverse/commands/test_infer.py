@@ -109,6 +109,16 @@ def test_sweeps_of_a_population_are_called_apart(tmp_path):
     assert {"relaxed_modulus[a]", "relaxed_modulus[b]"} <= set(names)
 
 
+def test_sweeps_of_a_population_of_samples_are_of_about_one_temperature(tmp_path):
+    """Else what a temperature does would be taken for a difference of samples."""
+    rows = [f"{f},{t},{1e4 + f},{1e3 + f},{s}" for s, t in (("A", 20), ("A", 60), ("B", 20)) for f in (1, 2, 5, 10)]
+    path = tmp_path / "two.csv"
+    path.write_text("\n".join(["frequency_hz,temperature_c,storage_modulus_pa,loss_modulus_pa,sample", *rows]))
+    with pytest.raises(InputError, match="the nearest sweep of sample B .* is at 20.0 degC"):
+        infer_command_sweeps(path, 60.0, Across.SAMPLE, False, alone=True)
+    assert len(infer_command_sweeps(path, 20.0, Across.SAMPLE, False, alone=True)) == 2
+
+
 def test_sweeps_of_a_population_differ_by_what_is_named(tmp_path):
     path = two_samples(tmp_path)
     with pytest.raises(InputError, match=r"at a, 20.0 degC and a, 40.0 degC do not differ by sample; choose one sweep"):

@@ -230,6 +230,15 @@ BAD = {
         f"{HEADER},sample\n1,37,1500,200,a\n2,37,1600,200,\n1,37,1500,200,b\n",
         "line 3, column 'sample': the cell is empty; name the row's sample, in every row of it",
     ),
+    "deviations without a unit beside moduli in kPa": (
+        "frequency_hz,temperature_c,storage_modulus_kpa,loss_modulus_kpa,storage_modulus_sd,loss_modulus_sd\n"
+        "1,20,10,1,0.5,0.05\n2,20,11,1.1,0.5,0.05\n",
+        "column 'storage_modulus_sd': has no unit, where 'storage_modulus_kpa' is in kpa; name its unit in the header",
+    ),
+    "a loss without a unit beside kPa": (
+        "frequency_hz,temperature_c,storage_modulus_kpa,loss_modulus\n1,20,10,15\n2,20,11,16\n",
+        "column 'loss_modulus': has no unit",
+    ),
     "open quotation": (f'{HEADER}\n1,37,"1500,200\n2,37,1500,200\n', "quotation mark"),
 }
 
@@ -312,3 +321,12 @@ def test_shipped_sets_are_whole_and_licensed():
     assert first.storage_modulus[0] == pytest.approx(8097.175545e6)
     with pytest.raises(InputError, match="no shipped data set"):
         shipped("liver")
+
+
+def test_moduli_without_any_unit_are_in_pascals(tmp_path):
+    """As are those without one beside others in pascals."""
+    for loss in ("loss_modulus", "loss_modulus_pa"):
+        data = read_dma(
+            write(tmp_path, f"frequency_hz,temperature_c,storage_modulus,{loss}\n1,20,1e4,15\n2,20,1e4,16\n")
+        )
+        np.testing.assert_array_equal(data.loss_modulus, [15.0, 16.0])

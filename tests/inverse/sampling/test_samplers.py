@@ -154,6 +154,8 @@ def test_a_resumed_ensemble_is_the_uninterrupted_one(problem, found, tmp_path):
     assert resumed.message == whole.message
     assert resumed.settings == whole.settings and 0.0 < whole.settings["acceptance"] < 1.0
     assert resumed.evaluations == whole.evaluations == 16 * 201
+    with pytest.raises(InputError, match="moves"):
+        sample_ensemble(problem, start, most_steps=300, moves=[(emcee.moves.StretchMove(), 1.0)], **rule)
     # The file is emcee's own.
     assert HDFBackend(str(tmp_path / "run.h5"), read_only=True).get_chain().shape == (200, 16, 3)
 
