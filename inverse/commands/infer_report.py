@@ -115,6 +115,8 @@ def report(
 def _fit_lines(study: Study) -> list[str]:
     lines = [f"Fit by {study.fit.method.value}: {study.fit.status}.", "", "## What the fit can be trusted with", ""]
     lines += [f"- {each.sentence}" for each in study.audit.findings] or ["Nothing was found wrong with it."]
+    if study.profiles and study.problem.parameters.has_priors:
+        lines.append("- In profiles priors count as they do in the fit: an interval may be the prior's own.")
     lines += [f"- {one.name}, profile: {side}." for one in study.profiles for side in _open_ends(one)]
     condition = study.audit.identification.condition_number
     told = f"{condition:.3g}" if math.isfinite(condition) else "infinite, for what is not determined"
@@ -157,7 +159,7 @@ def _open_ends(profile: Profile) -> list[str]:
 
 
 def _interval(profile: Profile) -> str:
-    """Its ends, with none where the data set no limit."""
+    """Its ends, with none where neither data nor prior set a limit."""
     (low, high), (below, above) = profile.interval, (stop is Stop.CROSSED for stop in profile.stops)
     if below and above:
         return f"{low:.3g} to {high:.3g}"

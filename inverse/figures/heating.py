@@ -46,8 +46,11 @@ def _draw_course(axes: Axes, fit: HeatingFit) -> None:
     _, top = axes.get_ylim()
     start, duration = float(fit.heating.start), float(fit.heating.duration)
     error = float(fit.uncertainty.standard_errors[4])
-    fixed = "duration" not in fit.uncertainty.not_identified
-    on = f"on for {duration:.1f} ± {error:.1f} s" if fixed else f"on for {duration:.1f} s or longer"
+    unsure = fit.uncertainty.not_identified
+    on = f"on for {duration:.1f} ± {error:.1f} s"
+    if "duration" in unsure:
+        longer = "lower bound" in unsure["duration"]
+        on = f"on for {duration:.1f} s or longer" if longer else f"on for about {duration:.1f} s"
     axes.text(start + 0.5 * duration, top, on, ha="center", va="bottom", size=9)
     axes.legend(frameon=False, fontsize="small", loc="best")
     tidy(axes, x="", y="temperature [°C]")

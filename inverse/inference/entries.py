@@ -167,8 +167,8 @@ class Varying(Entry):
             `solids[{group}].relaxed_modulus`.
         groups: What the groups are called.
         dimension: What a group is, such as "sample" or "sonication".
-        spread: Prior of the population's standard deviation in the transform's coordinate: for positive numbers that
-            of their logarithm.
+        spread: Prior of the population's standard deviation in the transform's coordinate: the logarithm of positive
+            numbers, the logit of the place in a range, the number itself where it may be any.
     """
 
     parameter: Parameter

@@ -43,7 +43,7 @@ class Stop(enum.StrEnum):
     """Why a profile ends where it ends."""
 
     CROSSED = "reached the level"
-    FLAT = "does not reach the level: the data set no limit on this side"
+    FLAT = "does not reach the level: neither data nor prior set a limit on this side"
     BOUND = "ran to the end of the parameter's range"
     LOWER_MINIMUM = "found a lower cost than the fit: fit again from more starts"
     NOT_FITTED = "the other constants could not be fitted there"
@@ -80,7 +80,7 @@ class Profile:
 
     @property
     def is_closed(self) -> bool:
-        """Whether the data limit the parameter on both sides."""
+        """Whether data and priors, which count in the cost, limit the parameter on both sides."""
         return all(stop is Stop.CROSSED for stop in self.stops)
 
     @property

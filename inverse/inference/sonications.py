@@ -19,7 +19,7 @@ from inverse.inference import places
 from inverse.inference.entries import Entry, Single, Varying
 from inverse.inference.parameter_set import ParameterSet
 from inverse.parameters import Parameter
-from inverse.priors import ASSUMED, HalfNormal
+from inverse.priors import ASSUMED, HalfNormal, Normal
 
 DIMENSION = "sonication"
 SAMPLE = "sample of DMA"
@@ -83,8 +83,9 @@ def across_sonications(
         model: The model.
         names: Of the parameters that differ.
         sonications: What they are called.
-        spread: Scale of the half-normal prior of each population's standard deviation, in the coordinate of the
-            constant's transform: of the logarithm, for positive constants.
+        spread: Scale of the half-normal prior of each population's standard deviation: of the logarithm, where the
+            constant's prior is log-normal or half-normal; of the logit of its place in the range (of its logarithm's,
+            if log-uniform), where it is uniform; in standard deviations of the prior, where that is normal.
         with_sweeps: Whether sweeps of DMA are of a further member of the populations that they can tell of.
 
     Raises:
@@ -109,7 +110,8 @@ def across_sonications(
             labels = (*sonications, *((SAMPLE,) if seen else ()))
             place = old.place.removeprefix(_ROOT)
             moved = _moved(old, f"model.own[{len(own)}][{{group}}]")
-            entries.append(Varying(moved, labels, DIMENSION, HalfNormal(spread, source=ASSUMED)))
+            scale = spread * (old.prior.sd if isinstance(old.prior, Normal) else 1.0)
+            entries.append(Varying(moved, labels, DIMENSION, HalfNormal(scale, source=ASSUMED)))
             own.append((places.read(model, place),) * len(labels))
             own_places.append(place)
         else:

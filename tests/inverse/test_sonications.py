@@ -28,8 +28,11 @@ from inverse.inference.experiment import (
 )
 from inverse.inference.fit import fit
 from inverse.inference.noise import NoiseModel, unordered
+from inverse.inference.parameter_set import ParameterSet, parameter
 from inverse.inference.problem import Measurement, Problem, State
+from inverse.inference.sonications import across_sonications
 from inverse.inference.widened import widened
+from inverse.priors import LogNormal, Normal
 from inverse.sampling import laplace, sample_importance
 from inverse.sampling.diagnostics import values_of
 
@@ -57,6 +60,16 @@ def test_each_sonication_has_its_own_and_all_share_the_rest():
         np.testing.assert_allclose(model.lesion.viscoelasticity.branch_modulus.value, factor * stiffness, rtol=1e-12)
         expected = 1.5 * float(MODEL.liver.viscoelasticity.branch_modulus.value)
         np.testing.assert_allclose(model.liver.viscoelasticity.branch_modulus.value, expected, rtol=1e-12)
+
+
+def test_constants_with_a_normal_prior_may_differ_by_a_share_of_its_deviation():
+    """Their spread is in their own unit: half a pascal would have held all sonications together."""
+    place = "model.liver.viscoelasticity.branch_modulus.value"
+    for prior, scale in ((Normal(5e3, 400.0), 200.0), (LogNormal(5e3, 0.4), 0.5)):
+        parameters = ParameterSet((parameter("liver_stiffness", place, "Pa", prior),))
+        spread, _ = across_sonications(parameters, MODEL, ["liver_stiffness"], LABELS, spread=0.5)
+        (entry,) = spread.entries
+        assert entry.spread.sd == scale
 
 
 def test_the_sample_of_sweeps_is_a_member_of_the_livers_population_only():

@@ -241,6 +241,19 @@ def test_a_course_that_ends_while_it_is_heated_does_not_say_for_how_long(monkeyp
     assert "or longer" not in " ".join(text.get_text() for text in heating_figure(seen).axes[0].texts)
 
 
+def test_when_heat_between_two_rows_began_is_not_said():
+    """Two seconds of heat, a row every four: a start from 20 to 23 s fits as well, 0.2 in chi-square apart."""
+    time = 4.0 * np.arange(33.0)
+    truth = GaussianHeating(10.0, 21.0, 4.0, 21.0, 2.0)
+    rise = np.asarray(temperature_rise(jax.tree.map(jnp.asarray, truth), jnp.asarray(time)))
+    noise = 0.3 * np.random.default_rng(1).standard_normal(len(time))
+    seen = np.zeros(len(time), dtype=bool)
+    data = ThermometryData(Path("short.csv"), time, 37.0 + rise + noise, None, None, None, seen)
+    found = fit_heating(data, baseline=37.0, n_starts=2)
+    assert {"start", "duration"} <= set(found.uncertainty.not_identified)
+    assert "on for about" in " ".join(text.get_text() for text in heating_figure(found).axes[0].texts)
+
+
 def test_data_that_cannot_be_fitted():
     data = twin(1, False)
     short = ThermometryData(data.path, data.time[:8], data.temperature[:8], None, None, None, data.occluded[:8])

@@ -5,6 +5,7 @@ import dataclasses
 import hashlib
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from arfjax import InputError
 from inverse.commands import infer as command
 from inverse.commands.infer import Across
 from inverse.commands.infer import _sweeps as infer_command_sweeps
-from inverse.commands.infer_report import parameter_rows, report, results, write_parameters
+from inverse.commands.infer_report import _posterior_lines, parameter_rows, report, results, write_parameters
 from inverse.commands.main import run
 from inverse.datasets.dma import group_sweeps, read_dma
 from inverse.datasets.shipped import shipped
@@ -342,3 +343,16 @@ def test_every_column_of_a_population_is_in_the_figure_of_pairs(studied, tmp_pat
     command._write_posterior(tmp_path, dataclasses.replace(studied, problem=problem, draws=draws), {}, 7)
     labels = [axis.get_xlabel() for axis in drawn["corner"].axes if axis.get_xlabel()]
     assert len(labels) == count
+
+
+@pytest.mark.parametrize("sound", [True, False])
+def test_the_report_says_that_a_normal_approximation_is_unsound(sound):
+    """As the terminal and the summary do."""
+    study = SimpleNamespace(
+        draws=SimpleNamespace(sampler="laplace", seed=0, message="drawn from the normal approximation"),
+        diagnostics=SimpleNamespace(complaints=(), columns=("parameter",), table=[("a",)]),
+        laplace=SimpleNamespace(is_sound=sound, message="mode reached by 1 of 8 starts"),
+        evidence=None,
+    )
+    said = "- Normal approximation: mode reached by 1 of 8 starts."
+    assert (said in _posterior_lines(study, None, "")) is not sound
