@@ -5,7 +5,6 @@ import dataclasses
 import hashlib
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from arfjax import InputError
 from inverse.commands import infer as command
 from inverse.commands.infer import Across
 from inverse.commands.infer import _sweeps as infer_command_sweeps
-from inverse.commands.infer_report import _posterior_lines, parameter_rows, report, results, write_parameters
+from inverse.commands.infer_report import parameter_rows, report, results, write_parameters
 from inverse.commands.main import run
 from inverse.datasets.dma import group_sweeps, read_dma
 from inverse.datasets.shipped import shipped
@@ -22,7 +21,7 @@ from inverse.fast_hmi import Verification
 from inverse.inference.dma import dma_problem
 from inverse.inference.experiment import _SCALED
 from inverse.inference.profile import Stop
-from inverse.sampling import Draws, Evidence, diagnose_draws, load_posterior
+from inverse.sampling import Draws, Evidence, Laplace, diagnose_draws, load_posterior
 from inverse.study import Effort, Sampler, infer
 from tests.inverse.sampling.conjugate import conjugate_problem, exact_posterior
 from tests.inverse.sampling.test_evidence import exact_draws
@@ -345,14 +344,12 @@ def test_every_column_of_a_population_is_in_the_figure_of_pairs(studied, tmp_pat
     assert len(labels) == count
 
 
-@pytest.mark.parametrize("sound", [True, False])
-def test_the_report_says_that_a_normal_approximation_is_unsound(sound):
+@pytest.mark.parametrize("converged", [True, False])
+def test_the_report_says_that_a_normal_approximation_is_unsound(studied, converged):
     """As the terminal and the summary do."""
-    study = SimpleNamespace(
-        draws=SimpleNamespace(sampler="laplace", seed=0, message="drawn from the normal approximation"),
-        diagnostics=SimpleNamespace(complaints=(), columns=("parameter",), table=[("a",)]),
-        laplace=SimpleNamespace(is_sound=sound, message="mode reached by 1 of 8 starts"),
-        evidence=None,
-    )
-    said = "- Normal approximation: mode reached by 1 of 8 starts."
-    assert (said in _posterior_lines(study, None, "")) is not sound
+    found = Laplace(
+        np.zeros(3), np.eye(3), -1.0, ("a", "b", "c"), 0.1, converged, True, np.zeros(8), "not a mode yet"
+    )  # fmt: skip
+    study = dataclasses.replace(studied, laplace=found)
+    said = report(study, [], [], [], None, "")
+    assert ("- Normal approximation: not a mode yet." in said) is not converged
