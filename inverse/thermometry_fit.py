@@ -17,6 +17,7 @@ from inverse.datasets.thermometry import ThermometryData
 from inverse.least_squares import STATUS, Descent, MultiStart, descend
 from inverse.parameters import Parameter, constrain, unconstrain
 from inverse.precision import require_double_precision
+from inverse.thermometry_doubts import of_short_heat, of_switch_off
 from inverse.thermometry_model import CONSTANTS, GaussianHeating, temperature_rise
 from inverse.transforms import Interval, LogInterval, Positive
 from inverse.uncertainty import Uncertainty, assess
@@ -35,9 +36,6 @@ _SIGNIFICANT = 3.84  # rise of chi-square that bounds 95 % of one constant
 _LOWER_MINIMUM = 0.02  # fall of chi-square below the fit's that is a lower minimum and not rounding
 _HOLD = 1e3  # of the row that holds the ratio
 _MAX_STEPS = 60
-_NEAR_A_ROW = 0.05
-"""Part of the time between rows within which an end of the heat counts as at one."""
-_COOLING_ROWS = 2  # after the heat is switched off, without which nobody saw that it was
 
 
 @dataclasses.dataclass(frozen=True)
@@ -188,7 +186,7 @@ def fit_heating(
         ends=[p.transform.end(float(u)) for p, u in zip(parameters, best, strict=True)],
         in_standard_deviations=data.sd is not None,
     )
-    uncertainty = _of_switch_off(_of_short_heat(uncertainty, values, time), values, time)
+    uncertainty = of_switch_off(of_short_heat(uncertainty, values, time), values, time)
     variance = 1.0 if data.sd is not None else uncertainty.residual_variance
     ratio_range, ratio_doubt = _ratio_range(problem, best, variance, on_step)
     return HeatingFit(
@@ -348,43 +346,6 @@ def _crossing(logs: np.ndarray, depth: np.ndarray, bound: float) -> float | None
     i = int(beyond[0])
     share = (bound - depth[i - 1]) / (depth[i] - depth[i - 1])
     return float(np.exp(logs[i - 1] + share * (logs[i] - logs[i - 1])))
-
-
-def _of_short_heat(uncertainty: Uncertainty, values: np.ndarray, time: np.ndarray) -> Uncertainty:
-    """What rows cannot fix between which all of the heat lies.
-
-    Where no two rows lie well within it, another start and duration between the same rows fits as well: errors of a
-    linearised course, which has its kinks between rows, do not know that.
-    """
-    _, _, _, start, duration = values
-    least = _NEAR_A_ROW * float(np.median(np.diff(time)))
-    margins = (max(2.0 * float(uncertainty.standard_errors[at]), least) for at in (3, 4))
-    from_start, from_end = margins
-    inside = int(np.sum((time > start + from_start) & (time < start + duration - from_end)))
-    if inside >= 2:
-        return uncertainty
-    rows = "no row lies" if inside == 0 else "a single row lies"
-    unseen = {
-        name: f"{name} is that of one of many courses: {rows} well within the heat of {duration:.3g} s, so that it may "
-        "have begun and ended elsewhere between the same rows."
-        for name in ("start", "duration")
-    }
-    return dataclasses.replace(uncertainty, not_identified={**uncertainty.not_identified, **unseen})
-
-
-def _of_switch_off(uncertainty: Uncertainty, values: np.ndarray, time: np.ndarray) -> Uncertainty:
-    """What a course cannot fix that ends while it is heated, or a row later."""
-    _, _, _, start, duration = values
-    after = int(np.sum(time > start + duration))
-    if after >= _COOLING_ROWS:
-        return uncertainty
-    rows = "no row lies" if after == 0 else "a single row lies"
-    unseen = {
-        "duration": f"duration is a lower bound: {rows} after {start + duration:.4g} s, where the fit ends the heat, "
-        "so that it may have gone on.",
-        "amplitude": "amplitude is the rise when the heat is switched off, and a lower bound with it.",
-    }
-    return dataclasses.replace(uncertainty, not_identified={**uncertainty.not_identified, **unseen})
 
 
 @eqx.filter_jit
