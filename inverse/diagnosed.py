@@ -49,7 +49,7 @@ class Diagnosed:
         name: Of the data, for the report.
         details: Fits, statistics and noise behind it.
         design: What would separate causes that these data cannot tell apart; None if there are none, if they come in
-            pairs, or if not asked for.
+            pairs, if not asked for, or if nothing can be designed (`remarks` say why).
         remarks: On the file, such as columns that were not used, or that its numbers look simulated.
     """
 

@@ -9,7 +9,7 @@ from arfjax.errors import InputError
 
 
 class MarchSettings(eqx.Module):
-    """Discretisation of the march. The defaults are for about 1 MHz in water and a bowl of up to 40 mm radius.
+    """Discretisation of the march. The defaults are for about 1 MHz in water and a bowl of up to 34 mm radius.
 
     Attributes:
         n_harmonics: Harmonics that are carried, the fundamental counted; 1 for linear sound, else 5 or more.

@@ -360,7 +360,7 @@ def range_notes(
 
 
 def focal_temperature_at(heating: Heating, time: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Temperature at the geometric focus [degC] at times since the start of the sonication [s]."""
+    """Temperature at the geometric focus [degC] at times [s] since the start of the sonication, held at its ends."""
     return jnp.interp(time, heating.time, heating.focal_temperature)
 
 

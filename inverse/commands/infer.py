@@ -84,7 +84,7 @@ def infer_command(
     varying: Annotated[
         list[str] | None, typer.Option(help="With --across sonication: a constant that differs; may be repeated.")
     ] = None,
-    draws: Annotated[int, typer.Option(help="Draws of each of four chains.", min=50)] = 1000,
+    draws: Annotated[int, typer.Option(help="Draws of each of four chains (emcee: see --steps).", min=50)] = 1000,
     target_acceptance: Annotated[
         float | None, typer.Option(help="Of nuts, 0.8 if not given: higher against divergences.", min=0.5, max=0.999)
     ] = None,

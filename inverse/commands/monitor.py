@@ -40,7 +40,7 @@ _HOTTEST_RESOLVED = 85.0  # degC; what the elements of steady shaking are chosen
 
 
 def monitor_command(
-    experiment: Annotated[Path, typer.Argument(help="Experiment file (TOML) with [sonication] and [monitoring].")],
+    experiment: Annotated[Path, typer.Argument(help="Experiment file (TOML); assumed is what it does not say.")],
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
 ) -> None:
     """Simulate what a monitor of displacement would show during one sonication, and the temperature beside it.

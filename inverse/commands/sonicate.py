@@ -47,7 +47,7 @@ _SMOOTH = 0.5  # width of the smooth threshold in the logarithm of dose; what it
 
 
 def sonicate_command(
-    experiment: Annotated[Path, typer.Argument(help="Experiment file (TOML) with a [sonication].")],
+    experiment: Annotated[Path, typer.Argument(help="Experiment file (TOML); without a [sonication] one is assumed.")],
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
 ) -> None:
     """Simulate one sonication: temperature, dose, damage, lesion growth, and what a thermocouple would show.

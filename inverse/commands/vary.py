@@ -86,7 +86,7 @@ def vary_command(
     ] = VariedProtocol.STEPWISE,
     seed: Annotated[int, typer.Option(help="Seed of the draws.", min=0, max=HIGHEST_SEED)] = 0,
 ) -> None:
-    """Run a protocol in many tissues, whose constants spread as measured, and say how its curve spreads.
+    """Run a protocol in many tissues, whose constants spread as measured or assumed, and say how its curve spreads.
 
     Constants are drawn around the file's by Latin hypercube sampling. A run that is stopped goes on where it was when
     the same command is given again. Writes variability.nc, curves.csv, bands.csv, figures (PNG and PDF), report.md and

@@ -63,7 +63,7 @@ class Mesh(eqx.Module):
     Attributes:
         r_edges: Radial element edges [m], ascending from 0 (the axis).
         z_edges: Axial element edges [m], ascending.
-        walls: Conditions on the outer walls.
+        walls: Conditions on the outer walls, `arfjax.mechanics.elements.mesh.Walls` (`arfjax.Walls` are those of heat).
     """
 
     r_edges: Float[np.ndarray, " n_r_edges"]

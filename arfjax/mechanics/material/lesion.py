@@ -30,8 +30,8 @@ class Ellipsoid(eqx.Module):
     """An ellipsoid on the axis.
 
     Made by `of_length_and_diameter` or by `of_semi_axes`, so that no factor of two hides: a table of lesion sizes read
-    as semi-axes gives displacements at 60 / 65 / 70 degC of 91 / 67 / 52 % where lengths and diameters give 108 / 103 /
-    94 % (of that at 35 degC, linear field of the bowl).
+    as semi-axes gives displacements at 60 / 65 / 70 degC of 93 / 69 / 55 % where lengths and diameters give 109 / 104 /
+    95 % (of that at 35 degC, linear field of the bowl).
 
     Attributes:
         axial: Semi-axis along the axis [m]; 0 for no lesion.

@@ -160,7 +160,8 @@ def solve_push(
             or a point lies outside the mesh.
 
     Accuracy: second order in the time step, third in the element size (displacement). NaN if the solid is not stable
-        (a modulus, relaxation time or density that is not positive, branches that together make energy).
+        (a bulk modulus, relaxation time or density that is not positive, a negative shear modulus, branches that
+        together make energy).
     Differentiability: in the material, the force and the amplitude, forward and reverse. A gradient takes one march
         backward in time with the factors of the march forward. Memory in reverse mode: five numbers for each node
         displacement and step, and the state at the Gauss points about 2 sqrt(steps) times.
