@@ -17,6 +17,8 @@ from matplotlib.figure import Figure
 from arfjax import InputError
 from inverse.software import versions
 
+SUMMARY = "summary.json"
+
 
 @contextlib.contextmanager
 def output_directory(out: Path, *, replaces: Collection[str] = ()) -> Iterator[Path]:
@@ -115,7 +117,7 @@ def write_summary(
         "versions": versions(),
         "results": dict(results),
     }
-    write_json(folder / "summary.json", summary)
+    write_json(folder / SUMMARY, summary)
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:

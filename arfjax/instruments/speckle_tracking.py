@@ -93,7 +93,7 @@ class SpeckleTracker(eqx.Module):
 
         Accuracy: fourth order in the spacing of a smooth map, and exact for displacement that is uniform. On a map
             that is fine enough, 2e-8 for displacement as narrow as a third of `lateral_width` (Gaussians' standard
-            deviations), 6e-7 for displacement as short as `pulse_length` in windows up to five times as long (in one
+            deviations), 6e-7 for displacement as short as `pulse_length` in windows up to ten times as long (in one
             of fifty times 2e-3). Left out: where displacement differs by a good part of a wavelength within window
             and beam, correlation is lost, and with it the mean.
         Differentiability: in the map, `z` and every attribute, at zero too (but see `DelayEstimation`).

@@ -21,7 +21,7 @@ from inverse.diagnosis.hmi.diagnosis import require_diagnosable
 from inverse.diagnosis.level import HIGHEST_LEVEL, LOWEST_LEVEL, require_level
 from inverse.diagnosis.report import pairs_in_question
 from inverse.dma_fit import ZenerModel
-from inverse.output import output_directory, recorded, sha256, write_summary
+from inverse.output import SUMMARY, output_directory, recorded, sha256, write_summary
 from inverse.seeds import HIGHEST_SEED
 
 STAGES = {
@@ -155,8 +155,12 @@ def _places(kinds: list[str]) -> dict[str, str]:
 
 
 def _earlier(out: Path) -> list[str]:
-    """Files of diagnoses that are there: of one file in the folder itself, of two in those below."""
-    there = [place for place in ("", *STAGES) if (out / place / CONTENT).is_file()]
+    """Files of diagnoses that are there: of one file in the folder itself, of two in those below.
+
+    A folder below with a summary of its own is another run's, and is left alone.
+    """
+    below = [kind for kind in STAGES if not (out / kind / SUMMARY).exists()]
+    there = [place for place in ("", *below) if (out / place / CONTENT).is_file()]
     return [str(Path(place) / name) for place in there for name in FILES]
 
 

@@ -59,10 +59,7 @@ def counted_from_start(tree: Any, place: str) -> str:
     """
     node, path = tree, ""
     for name, index in _steps(place):
-        below, written = _below(node, name, index, path, place)
-        if index is not None:
-            written = f"{path}[{index % _length(node)}]"
-        node, path = below, written
+        node, path = _below(node, name, index, path, place)
     return path
 
 
@@ -88,10 +85,10 @@ def _steps(place: str) -> list[tuple[str | None, int | None]]:
 
 def _below(node: Any, name: str | None, index: int | None, path: str, place: str) -> tuple[Any, str]:
     if index is not None:
-        length = _length(node)
+        length = len(node) if isinstance(node, tuple | list) or getattr(node, "ndim", 0) else 0
         if not -length <= index < length:
             raise InputError(f"`{place}`: `{path}` is {_kind(node)} of length {length}, without a number {index}.")
-        return node[index], f"{path}[{index}]"
+        return node[index], f"{path}[{index % length}]"
     try:
         return _step(node, name, None), f"{path}.{name}".lstrip(".")
     except (AttributeError, KeyError):
@@ -99,10 +96,6 @@ def _below(node: Any, name: str | None, index: int | None, path: str, place: str
             f"`{place}`: {'`' + path + '`' if path else 'the model'} ({_kind(node)}) has no `{name}`"
             f"{_offer(node, path)}."
         ) from None
-
-
-def _length(node: Any) -> int:
-    return len(node) if isinstance(node, tuple | list) or getattr(node, "ndim", 0) else 0
 
 
 def _step(node: Any, name: str | None, index: int | None) -> Any:

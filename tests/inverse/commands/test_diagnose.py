@@ -115,6 +115,13 @@ def test_an_earlier_diagnosis_does_not_stay_beside_the_new_one(tmp_path):
     assert left == ["dma/mine.txt", *other_s, "report.md"]
 
 
+def test_another_run_in_a_folder_below_is_left_alone(tmp_path):
+    (tmp_path / "dma").mkdir()
+    for name in (*FILES, "summary.json"):
+        (tmp_path / "dma" / name).write_text("another")
+    assert command._earlier(tmp_path) == []
+
+
 def test_unknown_cause(tmp_path, capsys):
     data = str(shipped("pyvisco_polymer"))
     assert run(["diagnose", "--dma", data, "--causes", "gremlins", "--out", str(tmp_path / "out")]) == 2
